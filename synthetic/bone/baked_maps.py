@@ -1,9 +1,9 @@
 """The maps of a wall that tracing gives: its relief, the cells that open into the bore, and where it is wet.
 
-Rays are traced radially through the nodes that cells can reach, those that only one cell reaches cell by cell;
-elsewhere the wall is the bore's. Of a bore through three-dimensional bone, they are traced through the nodes that
-lie in air. What is traced at once stays within ``tracing.BLOCK``. Other processes may trace parts of it: a node's
-place does not depend on which others are traced with it.
+Rays are traced radially through the nodes that cells can reach; elsewhere the wall is the bore's. Nodes that only one
+cell reaches are traced cell by cell. In three-dimensional bone, rays are traced through the nodes that lie in air. What
+is traced at once stays within :data:`endoct.synthetic.bone.rays.BLOCK`. Other processes may trace parts of the wall: a
+node's place does not depend on which others are traced with it.
 """
 
 import math

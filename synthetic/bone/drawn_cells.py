@@ -1,9 +1,9 @@
 """The cells that are drawn with a bore: holes drilled into bone substitute, or a pneumatised mastoid.
 
 In the drilled phantom, holes of several diameters and directions cross the bore. In the mastoid, air cells of many
-sizes are widest behind the wall, with thin septa between them. A cell is placed next to an earlier one: at a distance
-of about ``septum_mm``, or, for the share ``communicating``, so close that the two run into each other. Distances are
-taken along the line through the centres.
+sizes are widest behind the wall, with thin septa between them. A cell is placed next to an earlier one, at a distance
+of about ``septum_mm``. A share ``communicating`` lies so close that the two run into each other. Distances are taken
+along the line through the centres.
 """
 
 import math
@@ -117,7 +117,8 @@ def drawn_contents(rng: Generator, bore: Bore, depth_mm: float) -> dict[str, obj
     }
 
 
-HOLE_TRIES = 20  # for each mm² to be cut away, and at least ten times as many
+HOLE_TRIES = 20
+"""So many holes are tried for each mm² to be cut away, and ten times as many besides."""
 MOST_LEAN_RAD = 0.6
 
 
@@ -157,10 +158,14 @@ def _hole(rng: Generator, bore: Bore) -> Cell:
     )
 
 
-CELL_TRIES = 120  # for each mm² to be cut away, and at least ten times as many
-SEED_SHARE = 0.12  # of cells that start a group of their own
-MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45  # of the log-normal openings
-SMALLER_AFTER = 12  # tries in vain, after each of which cells are drawn a tenth smaller
+CELL_TRIES = 120
+"""So many cells are tried for each mm² to be cut away, and ten times as many besides."""
+SEED_SHARE = 0.12
+"""This share of the cells starts a group of its own."""
+MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45
+"""Openings are log-normal, with this median and this σ of their logarithm."""
+SMALLER_AFTER = 12
+"""Each time so many tries were in vain, cells are drawn a tenth smaller."""
 HARMONICS = 4
 
 

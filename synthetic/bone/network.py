@@ -1,9 +1,9 @@
 """A pneumatised mastoid in three dimensions: a network of air cells, cut by whatever is drilled through it.
 
 Sites with log-normal radii divide space as a power diagram does (Aurenhammer 1987, "Power diagrams"): two neighbours
-meet where their power distances are equal. A cell is what of its part lies within an ellipsoid about its site and away
-from its neighbours by half a septum, with rounded edges. Only a share of the sites holds air, more in some regions than
-in others; some neighbours are open to one another through a round hole in their septum.
+meet where their power distances are equal. Of its part, a cell is what lies within an ellipsoid about its site and half
+a septum away from its neighbours, with rounded edges. Only a share of the sites holds air, more in some regions than in
+others. Some neighbours are open to one another through a round hole in their septum.
 """
 
 import math
@@ -23,18 +23,18 @@ from endoct.synthetic.bone.lattice import Lattice, trilinear
 from endoct.synthetic.sample.parameters import Bore, Network, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
-ASIDE_MM = 15.0  # from the bore's axis, and beyond its ends, to which there are sites
-CANDIDATES = 3.0  # for each site that there is room for
-NEAREST = 0.75  # two sites, over the sum of their radii
-LARGEST = 3.0  # radius over the median
-BULGE = 1.1  # ellipsoid over the site's radius
-ROUND_MM = 0.12  # of edges between walls
-LEAST_SEPTUM_MM = 0.08  # what nodes of a field 0.06 mm apart still show
-BEYOND_MM = 0.45  # from a cell as far as distances in bone are right, enough for the thickest septum seen through
-HOLE = (0.3, 0.7)  # radius of an opening over that of the face
-REGION_MM = 7.0  # wavelength over which bone changes from dense to pneumatised
+ASIDE_MM = 15.0  # Sites lie up to this far from the bore's axis, and beyond its ends.
+CANDIDATES = 3.0  # So many are drawn for each site that there is room for.
+NEAREST = 0.75  # Two sites are at least this far apart, over the sum of their radii.
+LARGEST = 3.0  # No radius is larger than this, over the median.
+BULGE = 1.1  # A site's ellipsoid is larger than its radius by this factor.
+ROUND_MM = 0.12  # Edges between walls are rounded over this.
+LEAST_SEPTUM_MM = 0.08  # Nodes of a field 0.06 mm apart still show such a septum.
+BEYOND_MM = 0.45  # Distances in bone are right this far from a cell: enough for the thickest septum seen through.
+HOLE = (0.3, 0.7)  # An opening's radius lies between these, over that of the face.
+REGION_MM = 7.0  # This is the wavelength over which bone changes from dense to pneumatised.
 WAVES = 24
-BORE_STREAM, UNEVEN_STREAM = 1, 3  # of the bore's generators
+BORE_STREAM, UNEVEN_STREAM = 1, 3  # These are two of the bore's generators.
 UNEVEN_NODES, UNEVEN_STEP_MM, UNEVEN_SIGMA_MM = 48, 0.1, 0.22
 UNEVEN_WITHIN_MM = 0.4
 PLACES_AT_ONCE = 200_000

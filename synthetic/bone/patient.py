@@ -1,4 +1,4 @@
-"""The user's own bone: a CT or a segmentation of it, and where the bore lies in it.
+"""The user's own bone: a CT or a segmentation, where the bore lies in it, and distances and chambers of its air.
 
 World coordinates are LPS in here, as :mod:`endoct.modalities.ct.ct_volume` reads them.
 """
@@ -38,6 +38,7 @@ BONE_HU = 300.0
 MARGIN_MM = 1.5
 """Bone is read this much beyond the part asked for, so that distances there are right."""
 CHAMBER_MM = 1.2
+"""Two chambers are at least this far apart along an axis."""
 LEAST_BONE = 0.3
 """At least this part of the bore's wall must be bone."""
 
@@ -83,9 +84,10 @@ def stated_volume(
 
     ``coordinates``: what the numbers of ``entry_mm`` and ``target_mm`` mean, as the file says where not stated.
     ``bone_hu``, ``bone_label``: what is bone; where neither is stated, from 300 HU on, or every label but 0.
-    ``on_read`` is called with the volume, which says what was mended in it and what is doubted. Raises
-    :class:`EndoctError` where the volume cannot be read, does not say what its numbers mean, holds neither, or where
-    the trajectory lies outside it or in no bone.
+    ``on_read`` is called with the volume, which says what was mended in it and what is doubted.
+
+    Raises :class:`EndoctError` where the volume cannot be read, does not say what its numbers mean, or holds neither.
+    So it does where the trajectory lies outside it, or where it holds no bone.
     """
     ct = read_ct(path, coordinates)
     if on_read is not None:
@@ -207,8 +209,8 @@ def signed_distance(level: Image, spacing_mm: Coordinates) -> Image:
     """Return the distance to where ``level`` (k, j, i) is 0, mm, > 0 where it is; float32.
 
     Between two voxels of different sign the surface lies where a straight line between their levels is 0. For voxels
-    beside it the distance follows from those places along the three axes (Chopp 2001, "Some improvements of the fast
-    marching method"), for all others from the nearest of these voxels and the piece of surface beside it. Where there
+    next to it the distance follows from those places along the three axes (Chopp 2001, "Some improvements of the fast
+    marching method"). For all others it follows from the nearest of these voxels and its piece of surface. Where there
     is no surface the distance is ±1000.
     """
     air = level > 0

@@ -1,8 +1,8 @@
 """Rays through air and bone: where they first meet a surface, leave bone, or enter fluid.
 
 The clearance of bore and cells together is a polynomial smooth maximum over each cell's ``edge_mm``, which adds at
-most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``, within which the
-surface then follows from the secant rule.
+most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``. Within such a step the
+surface follows from the secant rule. Radial rays go from the bore's axis through the nodes of a wall.
 """
 
 import math
@@ -19,11 +19,16 @@ from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Cell
 
 STEP_MM = 0.004
-BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache
-# after so many steps few rays are left: these are looked at in so many places at once, as calls cost more than looks;
-# not the number of rays decides, so that where a ray ends does not depend on which others are traced with it
+"""No step is shorter than this."""
+BLOCK = 32_000
+"""So many pairs of a ray and a cell are traced at once: what fits a cache."""
 STEPS, LOOKS = 10, 16
-MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort them out costs as much as a step
+"""After so many steps few rays are left, and each is looked at in so many places at once: calls cost more than looks.
+
+The number of rays does not decide, so that where a ray ends does not depend on which others are traced with it.
+"""
+MOST_AT_REST = 0.25
+"""Up to this share of rays that have ended is carried along: to sort them out costs as much as a step."""
 
 
 class BoreAlong(Protocol):

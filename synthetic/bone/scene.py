@@ -1,8 +1,8 @@
-"""The bone: air in a bore and in its cells, as clearances from which rays can be traced.
+"""The bone: air in a bore and in its cells, as clearances from which rays can be traced, and what the cells hold.
 
-The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
-that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.rays` joins them and follows
-the rays.
+The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r,
+that of a cell is given by :mod:`endoct.synthetic.bone.cavities`. :mod:`endoct.synthetic.bone.rays` joins them and
+follows the rays.
 """
 
 import math
@@ -22,8 +22,11 @@ from endoct.synthetic.sample.parameters import Cell, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
 SEPTUM_MM = 0.4
+"""Through a septum up to this thick, a ray is followed to the bone behind it."""
 NORMAL_MM = 0.002
-CELLS_STREAM = 100  # of the wall's generators, beyond those of its textures
+"""A normal follows from clearances this far to either side."""
+CELLS_STREAM = 100
+"""Which of the wall's generators draws the contents of cells, beyond those of its textures."""
 
 
 @dataclass(frozen=True, eq=False)

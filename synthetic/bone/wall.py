@@ -1,6 +1,6 @@
-"""The bore's wall: its relief, its cells, its albedo, and what both instruments need to know of its surface.
+"""The bore's wall as maps: its relief, cells and albedo, and what else both instruments need to know of its surface.
 
-The bone is mottled, smeared, lined in some cells and bright along some rims.
+The bone is mottled, smeared, lined in some cells and bright along some rims. The endoscope needs these maps only.
 """
 
 import math
@@ -20,8 +20,11 @@ from endoct.synthetic.bone.scene import Contents, Scene, build_scene
 from endoct.synthetic.sample.parameters import Sample
 
 LOOKUP_COLUMNS = 1024
+"""Places that are looked up at once lie in rows of this length."""
 RIM_MM = 0.02
-COARSER = 4  # of θ and z: 0.04 mm, less than a channel is wide
+"""Rims are made bright by a blur of this σ."""
+COARSER = 4
+"""Density is looked up on a grid coarser by this in θ and z: 0.04 mm, less than a channel is wide."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +33,10 @@ class WallMaps:
 
     Row k is z = k·``dz_mm`` from the mouth, column j is θ = j·2π/n. ``relief_mm``: wall radius minus
     ``radius_mm``, the first solid surface along the radial ray. ``cell``: the surface at the nominal radius is
-    missing; ``cell_id``: 1 + the index in the sample of the cell whose cavity is open there, of the deepest where
-    several meet, 0 elsewhere; it is kept where dust fills the opening, which is not missing then. ``albedo``:
-    relative reflectance; ``rim``: light added on bright rims of cells. ``slope_z``, ``slope_theta``: ∂r/∂z and
-    ∂r/(r ∂θ). ``wet``: fluid lies over the place, 0 or 1.
+    missing. ``cell_id``: 1 + the index in the sample of the cell whose cavity is open there, 0 elsewhere. Where several
+    meet it is the deepest, and it is kept where dust fills the opening, which is not missing then. ``albedo``: relative
+    reflectance; ``rim``: light added on bright rims of cells. ``slope_z``, ``slope_theta``: ∂r/∂z and ∂r/(r ∂θ).
+    ``wet``: fluid lies over the place, 0 or 1.
     """
 
     radius_mm: float

@@ -130,8 +130,8 @@ def _undistorted(image: Reals, k1: float) -> Reals:
 class Rays:
     """Rays in the bore's frame, each relative to its own azimuth ``theta_rad``; float32 (n,) each.
 
-    At a distance t from the cone a ray is at u0 + t·u1 along its azimuth, v0 + t·v1 across it (towards larger θ),
-    and at z = z0 + t·z1 from the apex.
+    At a distance t from the cone a ray is at u0 + t·u1 along its azimuth and at v0 + t·v1 across it, towards larger θ.
+    There z = z0 + t·z1, from the apex.
     """
 
     theta_rad: Image

@@ -1,10 +1,10 @@
 """The wall in facets that exchange light (radiosity), and which facets each of them sees: the same for all frames.
 
-The wall's relief is sampled on a coarse grid (z, θ). Every sample is a facet. Where the relief between it and its
-neighbours is steep, as on the side of a cell, it has more of them, one for each ``LEVEL_MM`` of depth. Rays leave each
-facet by the cosine law, and are followed to the facets that they meet. Between samples the relief is bilinear; a ray
-that passes the middle of the bore is followed only before and after it. The probe, which moves, is left out: it takes
-some of that light and sends back about as much.
+The wall's relief is sampled on a coarse grid (z, θ). Every sample is a facet. Where the relief towards its neighbours
+is steep, as on the side of a cell, it has more: one for each ``LEVEL_MM`` of depth. Rays leave each facet by the cosine
+law, and are followed to the facets that they meet. Between samples the relief is bilinear. A ray that passes the middle
+of the bore is followed only before and after it. The probe, which moves, is left out: it takes some of that light and
+sends back about as much.
 """
 
 import math
@@ -32,8 +32,9 @@ class FacetGrid:
 
     ``relief_mm`` (n_z, n_theta) at the samples, which are ``dz_mm`` apart, the first at ``first_mm``, and in θ the
     first at ``first_rad``. Halfway to its neighbours and before, the wall lies between ``least_mm`` and ``most_mm``.
-    The facets of a sample follow each other, from ``first`` on: its own, and where the wall passes several levels one
-    for each from ``lowest`` to ``highest``. All (n_z, n_theta); those of a row follow those of the row before.
+    The facets of a sample follow each other from ``first`` on. They are its own, and, where the wall passes several
+    levels, one for each from ``lowest`` to ``highest``. All (n_z, n_theta); those of a row follow those of the row
+    before.
     """
 
     radius_mm: float

@@ -2,23 +2,23 @@
 
 Straight it comes from a ring of fibres around the lens, as the cone mirror shows it.
 
-In the plane through the probe's axis and a place on the wall, the mirror is a straight line, and a fibre that is
-``u`` off the axis within that plane lights the place from its mirror image, over a path L. Around the bore a cone
-does not act as a plane mirror: by the angular momentum of a ray about the axis, which no reflection off the cone
-changes, a bundle that leaves the fibre β wide arrives S·β wide, with
+In the plane through the probe's axis and a place on the wall, the mirror is a straight line. A fibre that is ``u`` off
+the axis within that plane lights the place from its mirror image, over a path L. Around the bore a cone does not act as
+a plane mirror. No reflection off it changes the angular momentum of a ray about the axis. So a bundle that leaves the
+fibre β wide arrives S·β wide, with
 
-    S = ρ·(p/ρ_c + u·(1/ρ_c − 1/ρ)·L/Δρ),
+    S = ρ·(p/ρ_c + u·(1/ρ_c − 1/ρ)·L/Δρ).
 
-where p is the path to the cone, ρ_c and ρ the distances of cone and place from the axis, and Δρ that of the place from
-the mirror image. The irradiance is cos i/(L·S). What a fibre is off that plane changes it by less than a hundredth and
+Here p is the path to the cone, and Δρ the distance of the place from the mirror image. Cone and place are ρ_c and ρ off
+the axis. The irradiance is cos i/(L·S). What a fibre is off that plane changes it by less than a hundredth and
 is left out (``benchmarks/light`` traces photons without any of this). For u = 0 it is cos i·sin ψ/(L·ρ), and before a
 plane mirror the inverse square of the path.
 
 Fibres shine evenly over solid angle. What passes the mirror's edge is not followed. The shade is how steeply bone
 rises along the bore next to each place: it says which light can reach the place, in any frame.
 
-The light that arrives at a facet by way of others is the mean, over its rays, of what the facets there send on: their
-albedo times the light they get, directly and by way of others. All colours are treated alike.
+The light that arrives at a facet by way of others is the mean, over its rays, of what the facets there send on. That is
+their albedo times the light they get, directly and by way of others. All colours are treated alike.
 """
 
 import math
@@ -65,9 +65,9 @@ class Places:
 def direct(camera: Endoscope, frame_index: int, at: Places, bore_mm: float) -> tuple[Image, Image]:
     """Return the irradiance of places, and what it would be if they faced the light, float32 (n,) each.
 
-    1 is the irradiance at normal incidence, by a source in the pinhole, of a wall ``bore_mm`` from the probe's axis in
-    the middle of the annulus. Shadows are those that relief casts along the bore: around it light comes within 3° of
-    the radius, along which relief hides nothing.
+    1 is the irradiance at normal incidence by a source in the pinhole, of a wall in the middle of the annulus and
+    ``bore_mm`` from the probe's axis. Shadows are those that relief casts along the bore. Around it light comes within
+    3° of the radius, along which relief hides nothing.
     """
     cone = cone_of(camera)
     a, d = cone.half_angle_rad, cone.distance_mm
@@ -146,8 +146,8 @@ COLUMNS_AT_ONCE = 64
 def shade_of(wall: WallMaps) -> Image:
     """Return the steepest rise of bone towards the bore's axis, mm/mm, float32 (n_z, n_theta/2, 2).
 
-    At smaller z and at larger z of each place; a ray that comes along the bore at dz/dr is blocked where their product
-    is over 1.
+    The two are for smaller z and for larger z of each place. A ray that comes along the bore at dz/dr is blocked where
+    their product is over 1.
     """
     relief = np.ascontiguousarray(wall.relief_mm[:, ::EVERY_COLUMN])
     least, most = wall.relief_range_mm

@@ -28,11 +28,11 @@ from endoct.synthetic.sample.presets import PRESETS
 class Pullback:
     """Arrays (slice, A-scan) in the order recorded; float32 unless said otherwise, NaN where there is no such thing.
 
-    ``theta_rad``, ``z_mm``, ``radius_mm``: the place in the bore frame where the beam meets the first solid
-    surface (θ and z of the beam where it meets none). ``inner_face_row``, ``outer_face_row``, ``fluid_row``,
-    ``surface_row``, ``exit_row``, ``reentry_row``: depth samples, fractional, of the capillary's faces, a fluid's
-    surface, the first solid surface, and where the beam leaves a thin septum and meets bone again; they may lie
-    beyond the last sample recorded. ``cell_id`` int32: 1 + index of the cell the surface belongs to, 0 on the
+    ``theta_rad``, ``z_mm``, ``radius_mm``: where the beam meets the first solid surface, in the bore frame. Where it
+    meets none, θ and z are those of the beam. The rows are depth samples, fractional, and may lie beyond the last one
+    recorded. ``inner_face_row``, ``outer_face_row``: of the capillary's faces; ``fluid_row``: of a fluid's surface;
+    ``surface_row``: of the first solid surface. ``exit_row``, ``reentry_row``: where the beam leaves a thin septum, and
+    meets bone again. ``cell_id`` int32: 1 + index of the cell the surface belongs to, 0 on the
     bore's own wall. ``dust``: that surface is bone dust. ``shadow_db``: light lost to dirt on the capillary.
     """
 

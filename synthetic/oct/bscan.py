@@ -69,8 +69,8 @@ def offset(sample: Sample) -> Coordinates:
 def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
     """Return :func:`render_bscan` without what the detector adds, u8 (depth, A-scan).
 
-    Speckle, sheath, faces, mirror image and roll-off are the same; off are its noise, rounding and clipping, its
-    fixed line, the autocorrelation and the loss of what does not change from A-scan to A-scan.
+    Speckle, sheath, faces, mirror image and roll-off are the same. Left out are its noise, rounding and clipping, its
+    fixed line, and the autocorrelation. What does not change from A-scan to A-scan is not lost.
     """
     slice_ = next(_slices(sample, wall, appearance, [slice_index]))
     reference = slice_.one.reference(np.arange(slice_.one.window.size, dtype=np.float64)).astype(np.float32)

@@ -23,14 +23,19 @@ from endoct.synthetic.oct.sweep import REACH, Sweep, around
 from endoct.synthetic.sample.randomness import Stage, bell, generator
 
 Field = NDArray[np.complex64]
-COLUMNS = 128  # worked on at a time
-STRIDE = 32  # samples of a spectrum that follow from one phasor
-# the phase of reflectors wanders as fast as columns can follow, as a stand-in for the carrier: so the mean over
-# A-scans holds next to nothing of them
+COLUMNS = 128
+"""So many columns are worked on at a time."""
+STRIDE = 32
+"""So many samples of a spectrum follow from one phasor."""
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
-# the detector's line has a weaker companion; real ones are some ten rows wide
+"""The phase of reflectors wanders by this over this part of a turn, as fast as columns can follow.
+
+It stands in for the carrier: so the mean over A-scans holds next to nothing of them.
+"""
 LINES = ((0.0, 0.0), (6.0, -9.0))
-LINE = 1000  # its stream of phases, beyond those of reflectors
+"""Rows and dB from the detector's line: it has a weaker companion. Real ones are some ten rows wide."""
+LINE = 1000
+"""The stream of the line's phases, beyond those of reflectors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +123,12 @@ def _powers(wave: NDArray[np.complex128], n: int) -> Field:
     return powers
 
 
-FLUID_DB = -2.4  # Fresnel: 2 % of a fluid's surface against 3.5 % of glass
+FLUID_DB = -2.4
+"""A fluid's surface returns 2 % of the light, against 3.5 % of glass (Fresnel)."""
 NO_GLINT_DB = -20.0
-INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3  # streams of their levels
+"""A specular spot is one brighter than this."""
+INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3
+"""Streams of the levels of both faces, of the catheter's exit, and of the sheath's first line."""
 N_FACES, N_GHOSTS = 2, 3
 
 
@@ -195,9 +203,12 @@ def fading_db(sweep: Sweep, line: int) -> Coordinates:
     return fading
 
 
-N_NODES = 512  # around the sheath, which is narrower than the spot out of its focus
-SOFT_PX = 1.5  # over which a band begins and ends
-MOST_PX = 64  # of a band: scatterers are drawn for so many axial pixels, whatever its thickness
+N_NODES = 512
+"""So many nodes lie around the sheath, closer than the spot is wide out of its focus."""
+SOFT_PX = 1.5
+"""A band begins and ends over this."""
+MOST_PX = 64
+"""Scatterers of a band are drawn for so many axial pixels, whatever its thickness."""
 
 
 def add_sheath(sweep: Sweep, field: NDArray[np.complex64]) -> None:

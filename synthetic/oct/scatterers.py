@@ -5,9 +5,9 @@ A scatterer is a complex, circular Gaussian number for a place of the lattice. A
 recorded of it, how often and with which instrument.
 
 A node stands for the beam that crosses the bore's nominal radius at that node of the lattice. How far a scatterer
-is from the catheter does not depend on where the beam points. So a node's path, surface and phase are one and the
-same for all columns that see it, and a column is a sum over nodes. The speckle is fully developed: scatterers weakened
-with depth and summed across the beam.
+is from the catheter does not depend on where the beam points. So a node's path, surface and phase are the same for all
+columns that see it, and a column is a sum over nodes. The speckle is fully developed: scatterers are weakened with
+depth and summed across the beam.
 """
 
 import math
@@ -29,12 +29,14 @@ from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import Stage, bells, generator
 
-# spacings of the lattice: that of layers is a standard deviation of the narrowest usual spot, that of nodes less, as
-# rims of cells lie on nodes; that of rings just less than an axial pixel in bone
 LAYER_MM = 0.012
+"""Layers are a standard deviation of the narrowest usual spot apart."""
 NODE_MM = 0.008
+"""Nodes are closer than layers, as rims of cells lie on nodes."""
 RING_MM = 0.003
-FIRST_LAYER = 2**16  # layers before the mouth are counted too
+"""Rings are just less than an axial pixel in bone apart."""
+FIRST_LAYER = 2**16
+"""The layer at the mouth has this number: layers before it are counted too."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,12 @@ def lattice(seed: int, radius_mm: float, oct_: Oct) -> Lattice:
     return Lattice(seed, n_nodes * across, LAYER_MM / across, RING_MM / deep)
 
 
-ONE_SURFACE_MM = 0.02  # between neighbouring columns: more is a step from one surface to another
-DENSITY_BINS = 16  # axial pixels for which density is looked up once: 0.05 mm of bone
-MARGIN_RINGS = 3  # for the interpolation between rings
+ONE_SURFACE_MM = 0.02
+"""A surface changes by less than this between neighbouring columns: more is a step to another surface."""
+DENSITY_BINS = 16
+"""Density is looked up once for so many axial pixels: 0.05 mm of bone."""
+MARGIN_RINGS = 3
+"""Interpolation between rings reads so many beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,8 +203,8 @@ def _sigma_across_mm(sweep: Sweep) -> float:
 def _carrier(sweep: Sweep, places: Lattice, number: NDArray[np.intp]) -> NDArray[np.complex64]:
     """Return exp(2i·k₀·path) at every node of the nominal wall: how its scatterers add up from where the catheter is.
 
-    What is common to all scatterers in a spot shows in no magnitude; how their phases differ across it does, and that
-    the path over the nominal wall says, as a distance in air.
+    What is common to all scatterers in a spot shows in no magnitude, but how their phases differ across it does. That
+    follows from the path over the nominal wall, as a distance in air.
     """
     wall = sweep.radius_mm * np.exp(1j * places.node_rad * number)
     path_mm = np.abs(wall - sweep.catheter_mm)
@@ -228,9 +233,12 @@ def _across_layers(
     return total.view(np.complex64)
 
 
-NODES = 128  # worked on at a time
-NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
+NODES = 128
+"""So many nodes are worked on at a time."""
+NEGLIGIBLE_DB = -20.0
+"""What bone returns below this is left out."""
 TABLE_PER_PX = 32
+"""The profile of bone over depth is tabulated for so many shifts of an axial pixel."""
 
 
 def speckle(sweep: Sweep) -> NDArray[np.complex64]:
@@ -253,8 +261,8 @@ def speckle(sweep: Sweep) -> NDArray[np.complex64]:
     first = int(np.clip(np.nanmin(entry_px) - 1, 0, n - 1))
     last = _negligible_from(oct_, float(level.max()), first, n)
 
-    # all nodes show one profile, shifted: they are windows of it, tabulated for every 1/32 pixel of shift, and
-    # everything twice in a row, for the real and the imaginary part
+    # All nodes show one profile, shifted: they are windows of its table. Everything stands twice in a row, for the real
+    # and the imaginary part.
     bins = np.arange(first, last)
     below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
     table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32).reshape(-1, TABLE_PER_PX).T

@@ -1,8 +1,8 @@
 """The spectrometer: from the complex field of an A-scan to counts of its detector, and back to depth.
 
-Sample m of a spectrum, 0 ≤ m < n, is at even steps of the wavenumber. A reflector whose path is longer than the
-reference's by x axial pixels returns the field E(m) = a·exp(2πi(m − (n − 1)/2)·x/n), a relative to that of the
-reference. The detector counts R(m)·|1 + E(m)|²: reference, fringes, their mirror image and the autocorrelation of
+Sample m of a spectrum, 0 ≤ m < n, is at even steps of the wavenumber. A reflector's path is longer than the reference's
+by x axial pixels. It returns the field E(m) = a·exp(2πi(m − (n − 1)/2)·x/n), a relative to that of the reference. The
+detector counts R(m)·|1 + E(m)|²: reference, fringes, their mirror image and the autocorrelation of
 what returns. The carrier, exp(2i·k₀·path), is left out: it turns faster than A-scans can follow, and no magnitude
 shows it.
 """
