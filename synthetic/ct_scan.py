@@ -55,8 +55,9 @@ class Scan:
 
 def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
     """Return the CT of the bone of ``sample``, before drilling or with the bore in it."""
-    lattice = field_of_view(sample, ct)
-    to_bore = np.asarray(np.linalg.inv(world_of(sample)), np.float64)
+    to_world = world_of(sample)
+    lattice = field_of_view(sample, ct, to_world)
+    to_bore = np.asarray(np.linalg.inv(to_world), np.float64)
     hu = np.empty(lattice.shape, np.float32)
     label, cell = np.empty(lattice.shape, np.uint8), np.empty(lattice.shape, np.int32)
     for rows, part in _slabs(lattice):
@@ -70,9 +71,11 @@ def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
     return Scan(lattice, np.clip(np.rint(hu), -1024, 3071).astype(np.int16), label, cell)
 
 
-def field_of_view(sample: Sample, ct: Ct) -> Lattice:
-    """Return the voxels of a picture along the patient's axes that holds the bore and what is around it."""
-    to_world = world_of(sample)
+def field_of_view(sample: Sample, ct: Ct, to_world: Coordinates) -> Lattice:
+    """Return the voxels of a picture along the patient's axes that holds the bore and what is around it.
+
+    ``to_world`` (4, 4): the transform from the bore frame to the patient's, LPS.
+    """
     ends = to_world[:3, 3] + np.array([[0.0], [sample.bore.length_mm]]) * to_world[:3, 2]
     low, high = ends.min(axis=0) - max(ASIDE_MM, BEYOND_MM), ends.max(axis=0) + max(ASIDE_MM, BEYOND_MM)
     steps = np.array([ct.slice_mm or ct.voxel_mm, ct.voxel_mm, ct.voxel_mm])

@@ -66,19 +66,11 @@ def simulate(
             process.preload("endoct.synthetic.endoscope.camera")  # it loads what tracing the wall takes as well
             process.call(_keep_to_one_thread)
         # this takes most of a second to load, in which the processes get ready
-        from endoct.synthetic.draw import draw
+        from endoct.synthetic.draw import Scans, draw
         from endoct.synthetic.specimen_files import write_specimen
 
-        drawn = replayed or draw(
-            preset,
-            seed,
-            bore_seed=bore_seed,
-            ranges=ranges,
-            volume=volume,
-            ct=ct,
-            ct_slice_mm=ct_slice_mm,
-            cone_beam=cone_beam,
-        )
+        scans = Scans(ct, ct_slice_mm, cone_beam)
+        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, ranges=ranges, volume=volume, scans=scans)
         write_specimen(folder, drawn, processes, progress, labels=labels, spectra=spectra)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.synthetic.bone.anatomy import target_mm
+from endoct.synthetic.bone.field import world_of
 from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.endoscope.camera import band_centre_mm
+from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.sample.parameters import Sample
 
 THETA_OF_ASCANS = (
@@ -102,8 +103,6 @@ def world(sample: Sample) -> dict[str, object]:
     frame. ``entry_mm`` is the mouth; ``target_mm`` what the drill aims at: the basal turn of a simulated cochlea, or
     what the user stated.
     """
-    from endoct.synthetic.bone.field import world_of  # takes a while to load what only this bone needs
-
     volume = sample.bore.volume
     coordinates: Convention = "ras" if volume is None else volume.coordinates
     to_world = np.diag([*SIGNS[coordinates], 1.0]) @ world_of(sample)

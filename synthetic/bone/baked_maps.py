@@ -29,7 +29,7 @@ DEEPEST_MM = 2.5
 OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
 
 
-def blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
+def _blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
     """Return the nodes of a wall in blocks to trace together."""
     every = np.arange(grid.n_z * grid.n_theta)
     return [every[first : first + BLOCK] for first in range(0, every.size, BLOCK)]
@@ -145,7 +145,7 @@ def _part(jobs: list[Job], part: int, parts: int) -> list[Job]:
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
     """Return all nodes to trace."""
     if scene.field is not None:
-        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in blocks_of_wall(scene.grid)]
+        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in _blocks_of_wall(scene.grid)]
     reached = list(thread_map(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:

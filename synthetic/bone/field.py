@@ -160,10 +160,10 @@ def world_of(sample: Sample) -> Coordinates:
 
 
 def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
-    to_lps, bone, beside = bore_to_lps(volume), bone_around(volume, reach_mm), bone_around(volume, REACH_MM)
-    distance = resampled(bone.distance_mm, bone.lattice, lattice.moved(to_lps), order=3)
+    bone, places = bone_around(volume, reach_mm), lattice.moved(bore_to_lps(volume))
+    distance = resampled(bone.distance_mm, bone.lattice, places, order=3)
     # beyond what the recordings can reach cells have no number
-    cell = resampled(cells_around(volume, REACH_MM), beside.lattice, lattice.moved(to_lps), order=0)
+    cell = resampled(cells_around(volume, REACH_MM), bone_around(volume, REACH_MM).lattice, places, order=0)
     return distance, np.asarray(cell, dtype=np.int32)
 
 

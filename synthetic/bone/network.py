@@ -15,6 +15,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
+from scipy.special import ndtri
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
@@ -142,13 +143,7 @@ def _pneumatised(rng: Generator, network: Network, place: Coordinates, n: int) -
     waves = rng.normal(size=(WAVES, 3)) * (2 * math.pi / REGION_MM / math.sqrt(3))
     region = np.cos(place @ waves.T + rng.uniform(0, 2 * math.pi, WAVES)).sum(axis=1) / math.sqrt(WAVES / 2)
     score = network.patchiness * region + math.sqrt(1 - network.patchiness**2) * rng.normal(size=n)
-    return np.asarray(score > -_normal_quantile(network.pneumatised))
-
-
-def _normal_quantile(share: float) -> float:
-    from scipy.special import ndtri
-
-    return float(ndtri(share))
+    return np.asarray(score > -float(ndtri(network.pneumatised)))
 
 
 def air_on(sample: Sample, lattice: Lattice) -> tuple[Image, NDArray[np.int32]]:

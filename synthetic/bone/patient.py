@@ -43,6 +43,9 @@ LEAST_BONE = 0.3
 """At least this part of the bore's wall must be bone."""
 
 
+Point = tuple[float, float, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Bone:
     """Air around a bore on the voxels of a volume.
@@ -71,8 +74,7 @@ def volume_digest(path: Path, also: Sequence[Path] = ()) -> str:
 
 def stated_volume(
     path: Path,
-    entry_mm: tuple[float, float, float],
-    target_mm: tuple[float, float, float],
+    ends_mm: tuple[Point, Point],
     *,
     coordinates: Convention | None = None,
     bone_hu: float | None = None,
@@ -82,7 +84,8 @@ def stated_volume(
 ) -> Volume:
     """Return the volume to drill into, once it is clear that this can be done.
 
-    ``coordinates``: what the numbers of ``entry_mm`` and ``target_mm`` mean, as the file says where not stated.
+    ``ends_mm``: where the drill enters and where it ends; ``coordinates``: what these numbers mean, as the file says
+    where not stated.
     ``bone_hu``, ``bone_label``: what is bone; where neither is stated, from 300 HU on, or every label but 0.
     ``on_read`` is called with the volume, which says what was mended in it and what is doubted.
 
@@ -100,13 +103,13 @@ def stated_volume(
         path=str(path.resolve()),
         sha256=volume_digest(path, _voxel_files(path, ct)),
         coordinates=meaning,
-        entry_mm=entry_mm,
-        target_mm=target_mm,
+        entry_mm=ends_mm[0],
+        target_mm=ends_mm[1],
         bone_hu=bone_hu,
         bone_label=bone_label,
         detail_mm=detail_mm,
     )
-    line = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
+    line = Trajectory(*(in_world(end_mm, meaning) for end_mm in ends_mm))
     check_within(ct, line, meaning, "the volume")
     if not np.any(_is_bone(ct.voxels, volume)):
         raise EndoctError(f"there is no bone in {path}", found=_bone_words(volume), remedy="check what is bone")

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.wall import WallMaps
-from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
@@ -81,8 +80,6 @@ def write_png(path: Path, frame: NDArray[np.uint8]) -> None:
     """Write a frame as ``path``."""
     path.write_bytes(png(frame))
 
-
-__all__ = ["PixelMaps", "StoredFrame", "band_centre_mm", "noise_free", "pixel_maps", "render_frame", "stored_frame"]
 
 StoredFrame = bytes | NDArray[np.uint8]
 """A frame as it is stored: the bytes of a PNG file, or for a video the frame itself."""

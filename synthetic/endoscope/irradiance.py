@@ -65,8 +65,8 @@ class Places:
 def direct(camera: Endoscope, frame_index: int, at: Places, bore_mm: float) -> tuple[Image, Image]:
     """Return the irradiance of places, and what it would be if they faced the light, float32 (n,) each.
 
-    1 is the irradiance at normal incidence by a source in the pinhole, of a wall in the middle of the annulus and
-    ``bore_mm`` from the probe's axis. Shadows are those that relief casts along the bore. Around it light comes within
+    1 is the irradiance of a wall that faces a source in the pinhole, ``bore_mm`` from the probe's axis in the middle of
+    the annulus. Shadows are those that relief casts along the bore. Around it light comes within
     3° of the radius, along which relief hides nothing.
     """
     cone = cone_of(camera)

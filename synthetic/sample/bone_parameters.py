@@ -100,7 +100,7 @@ class Network(Parameters):
 class Density(Parameters):
     """How dense the bone is from place to place, in three dimensions; CT, OCT and endoscope all show it.
 
-    No figures of the mastoid were found. In dense jaw bone, trabeculae are 0.30 mm thick and their middles 0.30 + 0.59 mm
+    No figures of the mastoid were found. In dense jaw bone, trabeculae are 0.30 mm thick, their middles 0.30 + 0.59 mm
     apart (Lee 2017, J Periodontal Implant Sci 47:20): ``scale_mm`` lies between these. Micro-CT of the mastoid shows
     micro-channels (Cros 2013, doi 10.1016/j.heares.2013.03.002), but their width was not found either. So
     ``channel_mm`` lies between canals of compact bone, too small to see, and the emissary canal. That is 1.3 mm wide
