@@ -92,10 +92,10 @@ def draw(
         size,
         volume,
     )
-    one = Drawer(generator(seed, Stage.DRAW), ranges)
-    visible_mm = one.number(Endoscope, "visible_length_mm")
-    oct_, camera = one.numbers(Oct), one.numbers(Endoscope) | {"visible_length_mm": visible_mm}
-    oct_z, frame_z = _positions(one.rng, size, bore.length_mm, oct_, camera)
+    drawer = Drawer(generator(seed, Stage.DRAW), ranges)
+    visible_mm = drawer.number(Endoscope, "visible_length_mm")
+    oct_, camera = drawer.numbers(Oct), drawer.numbers(Endoscope) | {"visible_length_mm": visible_mm}
+    oct_z, frame_z = _positions(drawer.rng, size, bore.length_mm, oct_, camera)
     if (scans.ct or scans.cone_beam) and bore.bone not in ("network", "volume"):
         raise EndoctError(
             "there is a CT of bone in three dimensions only",
@@ -109,8 +109,8 @@ def draw(
         seed=seed,
         bore_seed=bore_seed,
         bore=bore,
-        oct=_oct(one, size, oct_, oct_z, bore.length_mm),
-        endoscope=_endoscope(one, size, camera, frame_z, bore),
+        oct=_oct(drawer, size, oct_, oct_z, bore.length_mm),
+        endoscope=_endoscope(drawer, size, camera, frame_z, bore),
     )
 
 

@@ -25,7 +25,8 @@ from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
 Bscans = list[NDArray[np.uint8]]
-COLUMNS_TOGETHER = 16_000  # of B-scans: tracing the beams of several at once takes less time
+COLUMNS_TOGETHER = 16_000
+"""B-scans of so many columns are rendered together: tracing the beams of several at once takes less time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ def rendering(model: Model, processes: Sequence[WorkerProcess]) -> Iterator[tupl
         frames.work(partial(stored_frame, model.sample, model.wall, model.lighting))
 
     def render_in(process: WorkerProcess) -> None:
-        sample, wall, lighting = (process.store(one) for one in (model.sample, model.wall.maps(), model.lighting))
+        sample, wall, lighting = (process.store(part) for part in (model.sample, model.wall.maps(), model.lighting))
         frames.work(lambda index: process.call(stored_frame, sample, wall, lighting, index).result())
         bscans.work(render_group)
 
@@ -69,8 +70,8 @@ def rendering(model: Model, processes: Sequence[WorkerProcess]) -> Iterator[tupl
         try:
             working = [pool.submit(render_here), *(pool.submit(render_in, process) for process in processes)]
             yield bscans, frames
-            for one in working:
-                one.result()
+            for work in working:
+                work.result()
         finally:
             bscans.cancel()
             frames.cancel()

@@ -38,7 +38,7 @@ class Structure:
     radius_mm: Coordinates
 
     def box(self, places: Lattice, margin_mm: float = 0.0) -> tuple[slice, slice, slice]:
-        """Return the indices of all places of ``places`` in it or within ``margin_mm`` of it, and of some more."""
+        """Return a box of indices that holds all of ``places`` in it or within ``margin_mm`` of it."""
         boxes = [places.box(point, float(self.radius_mm.max()) + margin_mm) for point in self.points_mm]
         k, j, i = (
             slice(min(one.start for one in axis), max(one.stop for one in axis)) for axis in zip(*boxes, strict=True)

@@ -30,7 +30,7 @@ They are evenly spaced along a square about the axis, as a place on that takes n
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """All cells of a bore, n of them, float64 but for the table, the last a cavity nothing is in.
+    """All cells of a bore and last an empty cavity, n in all; float64 but for the table.
 
     ``centre`` (n, 3): of the widest part, mm; ``axes`` (n, 3, 3): rows u, v and w, unit vectors over
     semi-axes; ``offset`` (n, 3): the centre in them; ``outward`` (n, 3): radial direction where the axis
@@ -189,12 +189,12 @@ class Near:
 
 
 def chosen(values: NDArray[Scalar], slot: Indices) -> NDArray[Scalar]:
-    """Return of each row of (n, k) the value in its ``slot``, (n,)."""
+    """Return the value in ``slot`` (n,) of each row of (n, k)."""
     return values[np.arange(len(slot)), slot]
 
 
 def near(all_: Cavities, cell: Indices, origin: Numbers, direction: Numbers, dtype: DTypeLike) -> Near:
-    """Return the cavities ``cell`` (n, k), or (1, k) for all, of rays as the tracing wants them, in ``dtype``."""
+    """Return rays with the cavities ``cell`` near them, (n, k), or (1, k) where all have the same; in ``dtype``."""
     at, rate = [], []
     for row in range(3):
         x, y, z = (all_.axes[:, row, axis][cell] for axis in range(3))

@@ -34,7 +34,8 @@ def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
 
 
 MOST_CELL_FRACTION = 0.295
-LEEWAY = 0.02  # beyond a larger fraction that was chosen
+LEEWAY = 0.02
+"""Up to the first is cut away of a wall; where a larger fraction was chosen, up to this much more than that."""
 STEP_MM = 0.02
 COLUMNS = 512
 
@@ -270,7 +271,7 @@ class _Packed:
         return bool(np.all(gaps >= least_mm))
 
     def _gaps(self, cell: Cell, others: Sequence[int] | NDArray[np.intp]) -> Coordinates:
-        """Return the bone between the cell and others along the lines of their centres, mm; negative where none."""
+        """Return the bone between the cell and others along the lines of their centres, mm; < 0 where they overlap."""
         centre, axes, _ = frame(cell, self.radius_mm)
         between = self._centre[others] - centre
         apart = np.linalg.norm(between, axis=1)

@@ -49,7 +49,7 @@ class Field:
     detail_step_mm: float
 
     def air_mm(self, x: Numbers, y: Numbers, z: Numbers) -> Numbers:
-        """Return the clearance of places (n,) whatever fills the cells, trilinear, as beyond the border at it."""
+        """Return the clearance of places (n,), whatever fills the cells; trilinear, beyond the border as at it."""
         at = self._index(x, y, z)
         air = trilinear(self.clearance_mm, at, wrap=False)
         if self.detail.size:
@@ -88,7 +88,7 @@ class Field:
         return np.asarray(x * down[0] + y * down[1] + z * down[2])
 
     def cell_at(self, x: Numbers, y: Numbers, z: Numbers) -> NDArray[np.int32]:
-        """Return the cell that places (n,) belong to, that of the nearest node."""
+        """Return the cell of the node nearest to each place (n,)."""
         index = [
             np.clip(np.rint(at), 0, n - 1).astype(np.intp)
             for at, n in zip(self._index(x, y, z), self.cell.shape, strict=True)
@@ -162,7 +162,7 @@ def world_of(sample: Sample) -> Coordinates:
 def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
     bone, places = bone_around(volume, reach_mm), lattice.moved(bore_to_lps(volume))
     distance = resampled(bone.distance_mm, bone.lattice, places, order=3)
-    # beyond what the recordings can reach cells have no number
+    # cells have no number beyond what the recordings can reach
     cell = resampled(cells_around(volume, REACH_MM), bone_around(volume, REACH_MM).lattice, places, order=0)
     return distance, np.asarray(cell, dtype=np.int32)
 
@@ -170,7 +170,7 @@ def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image
 def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
     """Resample values from one lattice to another by splines of the given ``order``.
 
-    Beyond the border they are as at it, or of order 0 nothing.
+    Beyond the border they are as at the border; of order 0 they are 0 there.
     """
     matrix = (places.steps_mm @ np.linalg.inv(at.steps_mm)).T
     offset, mode = at.index_of(places.origin_mm), "nearest" if order else "constant"

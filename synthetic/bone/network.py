@@ -110,7 +110,7 @@ def _packed(rng: Generator, network: Network, length_mm: float) -> tuple[Coordin
     place = rng.uniform(low, high, (count, 3))
     radius = median * np.exp(np.clip(spread * rng.normal(size=count), -math.log(LARGEST), math.log(LARGEST)))
     within = np.hypot(place[:, 0], place[:, 1]) < ASIDE_MM
-    # of cortical bone at the surface there is some before the first cell
+    # there is some cortical bone at the surface before the first cell
     within &= place[:, 2] > network.cortex_mm + radius
     place, radius = place[within], radius[within]
     order = np.argsort(-radius, kind="stable")
@@ -207,7 +207,7 @@ def _roughen(sample: Sample, lattice: Lattice, clearance: Image) -> None:
     for first in range(0, near.size, PLACES_AT_ONCE):
         which = near[first : first + PLACES_AT_ONCE]
         x, y, z = (one * np.float32(1 / UNEVEN_STEP_MM) for one in lattice.some_places(which))
-        # it ends where the surface is too far for it to matter, as all distances would be wrong
+        # it ends where the surface is too far for it to matter: beyond, all distances would be wrong
         flat[which] += trilinear(noise, [z, y, x], wrap=True) * (1 - (flat[which] * (1 / UNEVEN_WITHIN_MM)) ** 2)
 
 

@@ -135,7 +135,7 @@ def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers, sign: int) -
 
 
 def _between(low: Numbers, at_low: Numbers, high: Numbers, at_high: Numbers) -> Numbers:
-    """Return where a clearance that is ``at_low`` > 0 and ``at_high`` ≤ 0 is 0, were it linear."""
+    """Return where a linear clearance, ``at_low`` > 0 and ``at_high`` ≤ 0, would be 0."""
     return low + np.clip(at_low / np.maximum(at_low - at_high, 1e-12), 0, 1) * (high - low)
 
 

@@ -18,8 +18,10 @@ from endoct.synthetic.sample.parameters import Sample, Tube
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
 
-SAMPLES_A_SIGMA = 4  # of the grid a smooth texture is drawn on: enough for cubic enlargement
-BORDER = 4  # samples repeated beyond the turn, so that the enlargement is cyclic
+SAMPLES_A_SIGMA = 4
+"""A smooth texture is drawn on a grid with so many samples a σ, enough for cubic enlargement."""
+BORDER = 4
+"""So many samples are repeated beyond the turn, so that the enlargement is cyclic."""
 FINE_MM = 0.012
 BRIM_MM = 0.01
 """The ink of a tube begins over this much of a groove's depth."""
@@ -115,7 +117,7 @@ def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:
 def tube_relief(tube: Tube, radius_mm: float, z_mm: Image, theta_rad: Image) -> tuple[Image, Image]:
     """Return how much farther from the axis than its bore the tube is, and the share of ink, at z (n, 1) and θ (m,).
 
-    Both are float32 (n, m). Rings and grooves add up, grooves do not; edges are rounded.
+    Both are float32 (n, m). Rings and grooves add up; where grooves cross, the deeper counts. Edges are rounded.
     """
     z = z_mm / np.float32(tube.stretch)
     rings = sum(

@@ -178,7 +178,7 @@ def crossings(
 
 
 def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indices, Indices]:
-    """Return the cells that rays may meet, (n, k) ending in the empty one, and how many, (n,)."""
+    """Return the cells that rays may meet, (n, k), filled up with the empty one, and how many there are, (n,)."""
     cells, nothing, n = scene.cells, len(scene.cells) - 1, len(origin)
     wall = _at_radius(scene.grid.radius_mm, origin, heading)
     x, y = (origin[:, axis] + wall * heading[:, axis] for axis in range(2))

@@ -24,7 +24,8 @@ from endoct.synthetic.sample.parameters import Bore, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 
 FLUID_INDEX = 1.33
-BONE_INDEX = 1.55  # cortical bone near 1300 nm
+BONE_INDEX = 1.55
+"""Refractive index of cortical bone near 1300 nm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +248,8 @@ def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinat
     return loss
 
 
-FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
+FWHM = 2 * math.sqrt(2 * math.log(2))
+"""Full width at half maximum of a Gaussian, over its σ."""
 
 
 def rayleigh_mm(oct_: Oct) -> float:

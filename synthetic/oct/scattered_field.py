@@ -161,14 +161,14 @@ def reflectors(sweep: Sweep) -> tuple[list[Coordinates], list[Coordinates]]:
     paths, levels, ghosts = [], [], []
     glass_mm = echoes.outer_path_mm - echoes.inner_path_mm
     outermost_mm = max((sheath.radius_mm for sheath in oct_.sheath), default=0.0)
-    for path, incidence, level, what in faces:
-        own_db = level + course(what, 2.0, 0.05)
+    for path, incidence, level, stream in faces:
+        own_db = level + course(stream, 2.0, 0.05)
         paths.append(path)
         levels.append(own_db + glossy(incidence) + square_db(incidence))
         # twice to the face and back, turned around by the sheath: it must be met squarely twice
         again_db = own_db + oct_.double_pass_db + glossy(2 * incidence) + square_db(incidence)
         ghosts.append((2 * path - outermost_mm, again_db))
-        if what == OUTER:
+        if stream == OUTER:
             thrice_db = own_db + oct_.ghost_db + glossy(3 * incidence) + square_db(incidence)
             ghosts.append((path + glass_mm, thrice_db))
     for k, sheath in enumerate(oct_.sheath):
@@ -196,7 +196,7 @@ def sheath_path_mm(sweep: Sweep, line: int) -> Coordinates:
 
 
 def fading_db(sweep: Sweep, line: int) -> Coordinates:
-    """Return by how much a line of the sheath, and the polymer behind it, fade around the turn; ≤ 0 in the mean."""
+    """Return by how much a line of the sheath, and the polymer behind it, fade around the turn, dB; ≤ 0 in the mean."""
     rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, SHEATH + line)
     course = around(rng, sweep.turn, 0.08)
     fading: Coordinates = sweep.oct_.sheath_fade_db * np.minimum(course, 0.3)

@@ -138,7 +138,7 @@ def nodes(sweep: Sweep, places: Lattice) -> Nodes:
 
 
 def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coordinates]:
-    """Return the columns at which the catheter reached a new farthest place."""
+    """Return θ and number of the columns at which the catheter had turned farther than before."""
     new = np.flatnonzero(theta >= np.maximum.accumulate(theta))
     return theta[new], columns[new]
 
@@ -178,7 +178,7 @@ def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.i
 
 
 def _amplitude(density: BoneDensity, places: Lattice, passed: Nodes, outward: Numbers, aside: Numbers) -> Image:
-    """Return the rms of scatterers where the bone is as dense as it is, float32 (node, bin): there are as many more.
+    """Return the rms of scatterers, float32 (node, bin): denser bone has as many more.
 
     Their places are ``outward`` and ``aside`` (node, bin) of every node's radius.
     """

@@ -72,7 +72,7 @@ HARD_RANGES: Ranges = {
     "endoscope.dropped": (0.0, 0.08),
 }
 
-# a printed tube: smooth but for its layers, seen by instruments of which little is known
+# A printed tube is smooth but for its layers, and seen by instruments of which little is known.
 TUBE_RANGES: Ranges = {
     "bore.diameter_mm": (2.2, 2.6),
     "bore.taper_mm": (-0.004, 0.004),
