@@ -1,11 +1,4 @@
-"""The files of a specimen: both recordings with their sidecars, the truth, and what else was asked for.
-
-A video is FFV1 in Matroska. FFV1 (RFC 9043) is lossless, also for RGB and grey, so a video holds the very pixels that a
-folder of PNG would. It codes every frame on its own, so that any can be read without the others. Archives use it, and
-VLC, Fiji (through its FFMPEG plug-in), Python and all else built on FFmpeg read it. H.264 and MPEG-4 change the pixels,
-and their encoders need not give the same bytes on every machine. Matroska is written without its random identifiers and
-dates, so the same frames give the same bytes.
-"""
+"""The files of a specimen: both recordings with their sidecars, the truth, and what else was asked for."""
 
 import itertools
 import math
@@ -43,7 +36,7 @@ def write_specimen(
     labels: bool,
     spectra: bool,
 ) -> None:
-    """Write what :func:`endoct.synthetic.specimen.simulate` says of ``sample``.
+    """Write the files that :func:`endoct.synthetic.specimen.simulate` lists, of ``sample``, into a new ``folder``.
 
     ``processes`` trace parts of the wall and render frames.
     """
@@ -76,6 +69,7 @@ def write_specimen(
 
 PROGRESS_EVERY_S = 0.2
 ALL_TAKEN = 0.99
+"""A recording counts as done to this share at most until the frames that were taken last are written."""
 
 
 def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProcess], progress: Progress) -> None:
@@ -87,7 +81,7 @@ def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProce
         for title, writing in (("oct", oct_), ("endoscope", endoscope)):
             while wait([writing], timeout=PROGRESS_EVERY_S).not_done:
                 for each in [*taken]:
-                    progress(each, min(taken[each](), ALL_TAKEN))  # what was taken last is still being written
+                    progress(each, min(taken[each](), ALL_TAKEN))
             writing.result()
             del taken[title]
             progress(title, 1.0)
@@ -118,6 +112,14 @@ def write_endoscope(folder: Path, sample: Sample, frames: Iterable[StoredFrame])
 FRAME_RATE_HZ = 25
 """Videos are written to play at this rate."""
 ENCODER_OPTIONS = {"level": "3", "coder": "rice", "slices": "4", "slicecrc": "1", "g": "1"}
+"""Videos are FFV1 in Matroska.
+
+FFV1 (RFC 9043) is lossless, also for RGB and grey, so a video holds the very pixels that a folder of PNG would. It
+codes every frame on its own, so that any can be read without the others. Archives use it, and VLC, Fiji (through its
+FFMPEG plug-in), Python and all else built on FFmpeg read it. H.264 and MPEG-4 change the pixels, and their encoders
+need not give the same bytes on every machine. Matroska is written without its random identifiers and dates, so the same
+frames give the same bytes.
+"""
 
 
 def write_video(path: Path, frames: Iterable[NDArray[np.uint8]]) -> None:
