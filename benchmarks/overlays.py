@@ -33,8 +33,8 @@ from endoct.stitching.panorama import Panorama
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import stored_frame
 from endoct.synthetic.model import build_model
-from endoct.synthetic.recordings import write_endoscope
 from endoct.synthetic.sample.presets import PRESETS
+from endoct.synthetic.specimen_files import write_endoscope
 from endoct.synthetic.truth import write_truth
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.truth import Truth, load_truth, true_cells, true_pose

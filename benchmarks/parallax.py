@@ -32,7 +32,7 @@ from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_side
 from endoct.stitching.panorama import Panorama
-from endoct.synthetic import recordings
+from endoct.synthetic import specimen_files
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import stored_frame
@@ -75,7 +75,7 @@ def of_simulator(preset: str, seed: int, folder: Path) -> Recorded:
     maps = wall.maps()
     lighting = lighting_of(sample, maps)
     frames = (stored_frame(sample, maps, lighting, k) for k in range(len(sample.endoscope.z_mm)))
-    recordings.write_endoscope(folder / "endoscope", sample, frames)
+    specimen_files.write_endoscope(folder / "endoscope", sample, frames)
     write_truth(folder / "truth", sample, wall)
     panorama, truth = unroll(folder / "endoscope", progress=False), load_truth(folder)
     pose = true_pose(panorama, truth)

@@ -29,12 +29,17 @@ from endoct.synthetic.sample.randomness import Stage, generator
 AIR_HU, TISSUE_HU, FLUID_HU, CAPSULE_HU = -1000.0, 40.0, 15.0, 600.0
 """Air; soft tissue and nerves; the cochlea's fluid; what the otic capsule has more than other bone."""
 CAPSULE_MM = 1.0
-ASIDE_MM, BEYOND_MM = 9.0, 9.0  # of bone around the bore in the picture, and at either end
-FINER = 2  # places a voxel along each axis, at least
+ASIDE_MM, BEYOND_MM = 9.0, 9.0
+"""The picture shows this much bone around the bore, and at either end."""
+FINER = 2
+"""A voxel is worked out from at least so many places along each axis."""
 NOISE_SIGMA_VOXELS = 0.6
-SLAB = 24  # slices worked on at a time
-FWHM = 2.3548  # over σ of a Gaussian
-NOISE_STREAM = 110  # of the wall's generators; one more for each scan
+SLAB = 24
+"""So many slices are worked on at a time."""
+FWHM = 2.3548
+"""Full width at half maximum of a Gaussian, over its σ."""
+NOISE_STREAM = 110
+"""Which of the wall's generators draws the noise before drilling; the next one draws it after."""
 BONE, OUTSIDE_Z_MM = 1, 0.0
 
 
@@ -55,8 +60,9 @@ class Scan:
 
 def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
     """Return the CT of the bone of ``sample``, before drilling or with the bore in it."""
-    lattice = field_of_view(sample, ct)
-    to_bore = np.asarray(np.linalg.inv(world_of(sample)), np.float64)
+    to_world = world_of(sample)
+    lattice = field_of_view(sample, ct, to_world)
+    to_bore = np.asarray(np.linalg.inv(to_world), np.float64)
     hu = np.empty(lattice.shape, np.float32)
     label, cell = np.empty(lattice.shape, np.uint8), np.empty(lattice.shape, np.int32)
     for rows, part in _slabs(lattice):
@@ -70,9 +76,11 @@ def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
     return Scan(lattice, np.clip(np.rint(hu), -1024, 3071).astype(np.int16), label, cell)
 
 
-def field_of_view(sample: Sample, ct: Ct) -> Lattice:
-    """Return the voxels of a picture along the patient's axes that holds the bore and what is around it."""
-    to_world = world_of(sample)
+def field_of_view(sample: Sample, ct: Ct, to_world: Coordinates) -> Lattice:
+    """Return the voxels of a picture along the patient's axes that holds the bore and what is around it.
+
+    ``to_world`` (4, 4): the transform from the bore frame to the patient's, LPS.
+    """
     ends = to_world[:3, 3] + np.array([[0.0], [sample.bore.length_mm]]) * to_world[:3, 2]
     low, high = ends.min(axis=0) - max(ASIDE_MM, BEYOND_MM), ends.max(axis=0) + max(ASIDE_MM, BEYOND_MM)
     steps = np.array([ct.slice_mm or ct.voxel_mm, ct.voxel_mm, ct.voxel_mm])
@@ -153,7 +161,8 @@ def _labels(sample: Sample, places: Lattice, clearance: Image) -> NDArray[np.uin
 
 
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-LEVEL = 4  # of the compression: more takes long and gains little on noise
+LEVEL = 4
+"""Files are compressed at this level: more takes long and gains little on noise."""
 
 
 def write_ct(folder: Path, sample: Sample) -> None:
@@ -178,7 +187,8 @@ def _write(path: Path, voxels: NDArray[np.generic], lattice: Lattice, text: str)
             stream.write(slice_.astype(slice_.dtype.newbyteorder("<"), copy=False).tobytes())
 
 
-PLAN_STREAM = 8  # of the bore's generators
+PLAN_STREAM = 8
+"""Which of the bore's generators draws the plan."""
 MOST_OFF_MM, MOST_OFF_RAD = 1.0, math.radians(2.0)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
@@ -10,8 +11,7 @@ from numpy.random import Generator
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.drawn_cells import draw_cells
-from endoct.synthetic.endoscope.cone import Cone, focal_length_px
-from endoct.synthetic.oct.uneven_rotation import lost_ascans, rotation_error
+from endoct.synthetic.endoscope.cone import fitting_annulus
 from endoct.synthetic.sample.oct_parameters import N_BANDS
 from endoct.synthetic.sample.parameter_fields import Stated
 from endoct.synthetic.sample.parameters import (
@@ -21,6 +21,8 @@ from endoct.synthetic.sample.parameters import (
     Density,
     Droplet,
     Endoscope,
+    Harmonic,
+    LostAscans,
     Network,
     Oct,
     Sample,
@@ -37,17 +39,30 @@ from endoct.synthetic.sample.ranges import NO_RANGES, Drawer, Range, check_range
 
 MARGIN_MM = 0.9
 LEAST_OFFSET_MM = 0.06
-# of the bore's generators: what a phantom draws does not depend on them
+# These are generators of the bore's own: what a phantom draws does not depend on them.
 NETWORK_STREAM, CT_STREAM, DENSITY_STREAM, TUBE_STREAM = 2, 4, 7, 8
-CLEARANCE_MM = 0.10  # of the mirror from the wall
-LEAST_INNER_SHARE = 0.08
 CONE_BEAM_RANGES: Mapping[str, Range] = {
     "ct.voxel_mm": (0.125, 0.2),
     "ct.psf_mm": (0.25, 0.4),
     "ct.noise_hu": (80.0, 200.0),
 }
-ROOM_MM = 0.5  # beyond a recording of nominal length, whose steps vary
+ROOM_MM = 0.5  # A bore is longer by this than a recording of nominal length, whose steps vary.
 MOST_LENGTH_MM = 99.0
+TURN_SAMPLES = 360  # The course of the catheter's turn is worked out at so many places.
+STICK_ORDERS = 24  # A turn that sticks and slips has so many harmonics.
+SLIP_RAD = 0.1  # A catheter that stuck catches up over this.
+
+
+@dataclass(frozen=True)
+class Scans:
+    """Which CTs of a specimen's bone there are: before drilling, with slices of a thickness of their own, and after."""
+
+    ct: bool = False
+    ct_slice_mm: float | None = None
+    cone_beam: bool = False
+
+
+NO_SCANS = Scans()
 
 
 def draw(
@@ -57,11 +72,9 @@ def draw(
     bore_seed: int | None = None,
     ranges: Mapping[str, Range] = NO_RANGES,
     volume: Volume | None = None,
-    ct: bool = False,
-    ct_slice_mm: float | None = None,
-    cone_beam: bool = False,
+    scans: Scans = NO_SCANS,
 ) -> Sample:
-    """Return the sample of ``seed``, drilled into ``volume`` where one is given.
+    """Return the sample of ``seed``, drilled into ``volume`` where one is given, with what CTs ``scans`` says.
 
     The bore depends on ``bore_seed`` alone (by default on ``seed``), so that several specimens can be recordings
     of one bore. ``ranges``, "part.name" → (low, high) or words, replace what the preset draws from. Raises
@@ -79,25 +92,25 @@ def draw(
         size,
         volume,
     )
-    one = Drawer(generator(seed, Stage.DRAW), ranges)
-    visible_mm = one.number(Endoscope, "visible_length_mm")
-    oct_, camera = one.numbers(Oct), one.numbers(Endoscope) | {"visible_length_mm": visible_mm}
-    oct_z, frame_z = _positions(one.rng, size, bore.length_mm, oct_, camera)
-    if (ct or cone_beam) and bore.bone not in ("network", "volume"):
+    drawer = Drawer(generator(seed, Stage.DRAW), ranges)
+    visible_mm = drawer.number(Endoscope, "visible_length_mm")
+    oct_, camera = drawer.numbers(Oct), drawer.numbers(Endoscope) | {"visible_length_mm": visible_mm}
+    oct_z, frame_z = _positions(drawer.rng, size, bore.length_mm, oct_, camera)
+    if (scans.ct or scans.cone_beam) and bore.bone not in ("network", "volume"):
         raise EndoctError(
             "there is a CT of bone in three dimensions only",
             found=f"bone '{bore.bone}'",
             remedy="simulate with --preset mastoid, or with --bone",
         )
     return Sample(
-        ct=_ct(bore_seed, ranges, CT_STREAM).model_copy(update={"slice_mm": ct_slice_mm}) if ct else None,
-        cone_beam=_ct(bore_seed, CONE_BEAM_RANGES, CT_STREAM + 1) if cone_beam else None,
+        ct=_ct(bore_seed, ranges, CT_STREAM).model_copy(update={"slice_mm": scans.ct_slice_mm}) if scans.ct else None,
+        cone_beam=_ct(bore_seed, CONE_BEAM_RANGES, CT_STREAM + 1) if scans.cone_beam else None,
         preset=preset,
         seed=seed,
         bore_seed=bore_seed,
         bore=bore,
-        oct=_oct(one, size, oct_, oct_z, bore.length_mm),
-        endoscope=_endoscope(one, size, camera, frame_z, bore),
+        oct=_oct(drawer, size, oct_, oct_z, bore.length_mm),
+        endoscope=_endoscope(drawer, size, camera, frame_z, bore),
     )
 
 
@@ -253,7 +266,7 @@ def _endoscope(drawer: Drawer, size: Preset, drawn: dict[str, float], z_mm: Coor
     n, rng = z_mm.size, drawer.rng
     width, height = size.image_px[int(rng.integers(len(size.image_px)))]
     outer = drawn["outer_share"] * height
-    inner, focal = _fitting_annulus(drawn, drawn["inner_share"], outer, bore.diameter_mm / 2)
+    inner, focal = fitting_annulus(drawn, drawn["inner_share"], outer, bore.diameter_mm / 2)
     wander = drawn["centre_wander_px"] * np.stack([drift(rng, n), drift(rng, n)], axis=1)
     centre = np.array([width / 2, height / 2]) + rng.uniform(-0.015, 0.015, 2) * height + wander
     centre += drawn["centre_jitter_px"] * rng.normal(size=(n, 2))
@@ -306,29 +319,60 @@ def _stated(drawer: Drawer, path: str, travel: Travel) -> Stated:
     return "in" if word == "in" else "out" if word == "out" else "unknown"
 
 
-def _fitting_annulus(
-    drawn: Mapping[str, float], inner_share: float, outer_px: float, radius_mm: float
-) -> tuple[float, float]:
-    """Return the annulus' inner radius, ``inner_share`` of the outer or what less it takes, and the focal length.
-
-    The smaller the inner rim, the smaller the mirror that shows the same length; it has to pass through the bore.
-    """
-    while True:
-        inner_px = inner_share * outer_px
-        focal_px = focal_length_px(drawn, inner_px, outer_px, radius_mm)
-        k1 = drawn["distortion"] * (focal_px * (1 + drawn["distortion"]) / outer_px) ** 2
-        cone = Cone(math.radians(drawn["half_angle_deg"]), drawn["mirror_distance_mm"], focal_px, k1)
-        if float(cone.rays(np.array([outer_px])).rho_mm[0]) <= radius_mm - CLEARANCE_MM:
-            return inner_px, focal_px
-        inner_share -= 0.01
-        if inner_share < LEAST_INNER_SHARE:
-            raise EndoctError(
-                "no mirror that passes through the bore shows so much of it",
-                found=f"visible_length_mm {drawn['visible_length_mm']:.2f} at mirror_distance_mm "
-                f"{drawn['mirror_distance_mm']:.2f} in a bore of {2 * radius_mm:.2f} mm",
-                remedy="vary visible_length_mm or mirror_distance_mm less",
-            )
-
-
 def _scaled(sizes: dict[str, float], scale: float) -> dict[str, float]:
     return {name: value * scale if name.endswith("_px") else value for name, value in sizes.items()}
+
+
+def rotation_error(rng: Generator, n: int, peak_rad: float, stick_slip: float) -> tuple[tuple[Harmonic, ...], ...]:
+    """Return the harmonics of every slice's error: the pattern of a bent, rubbing catheter changes slowly.
+
+    The first few bend it; those of a share ``stick_slip`` of the peak let it stick and slip.
+    """
+    orders = np.arange(1, 5)
+    pattern = rng.normal(size=(orders.size, 2))
+    courses = np.stack([drift(rng, n) for _ in range(2 * orders.size)], axis=1).reshape(n, orders.size, 2)
+    bending = (pattern + 0.35 * courses + 0.06 * rng.normal(size=courses.shape)) / orders[:, None]
+    sticking = _stick_slip(rng, n)
+    error = (1 - stick_slip) * np.pad(bending / _peak(bending), ((0, 0), (0, STICK_ORDERS - orders.size), (0, 0)))
+    error += stick_slip * sticking / _peak(sticking)
+    error *= peak_rad / _peak(error)
+    return tuple(tuple((float(cos), float(sin)) for cos, sin in of_slice) for of_slice in error)
+
+
+def _stick_slip(rng: Generator, n: int) -> Coordinates:
+    """Return the harmonics (n, order, 2) of a catheter that sticks at one to three places a turn and slips on.
+
+    From slice to slice the places move a little, and so does how long it sticks.
+    """
+    turn = 2 * np.pi * np.arange(TURN_SAMPLES) / TURN_SAMPLES
+    lag = np.zeros((n, TURN_SAMPLES))
+    for _ in range(int(rng.integers(1, 4))):
+        begins = rng.uniform(0, 2 * np.pi) + 0.2 * drift(rng, n) + 0.02 * rng.normal(size=n)
+        lasts = rng.uniform(0.4, 1.0) * (1 + 0.2 * drift(rng, n))
+        depth = rng.uniform(0.5, 1) * (1 + 0.3 * drift(rng, n))
+        since = np.mod(turn - begins[:, None], 2 * np.pi)
+        behind = np.clip(since / lasts[:, None], 0, 1) - np.clip((since - lasts[:, None]) / SLIP_RAD, 0, 1)
+        lag -= depth[:, None] * behind
+    spectrum = np.fft.rfft(lag, axis=1)[:, 1 : STICK_ORDERS + 1] * (2 / TURN_SAMPLES)
+    spectrum *= np.exp(-0.5 * (2 * np.arange(1, STICK_ORDERS + 1) / STICK_ORDERS) ** 2)
+    return np.stack([spectrum.real, -spectrum.imag], axis=2)
+
+
+def _peak(harmonics: Coordinates) -> float:
+    """Return the largest value of all courses (n, order, 2)."""
+    orders, turn = np.arange(1, harmonics.shape[1] + 1), np.linspace(0, 2 * np.pi, TURN_SAMPLES, endpoint=False)
+    waves = np.stack([np.cos(np.outer(orders, turn)), np.sin(np.outer(orders, turn))], axis=1)
+    return float(np.abs(np.einsum("nkc,kct->nt", harmonics, waves)).max())
+
+
+def lost_ascans(rng: Generator, size: Preset, mean: float) -> tuple[LostAscans, ...]:
+    """Return the blocks that the recorder dropped, 0.2–1 % of a turn each, at most one a slice."""
+    slices = rng.permutation(size.n_slices)[: min(size.n_slices, int(rng.poisson(mean)))]
+    return tuple(
+        LostAscans(
+            slice_index=int(k),
+            ascan=int(rng.integers(1, size.n_ascans)),
+            count=max(1, round(rng.uniform(0.002, 0.01) * size.n_ascans)),
+        )
+        for k in sorted(slices)
+    )

@@ -1,7 +1,7 @@
 """Logarithm, exponential and azimuth of many numbers by OpenCV, in a third of the time NumPy takes or less.
 
-The same for the same number wherever it stands: fewer numbers than fill the processor's vectors OpenCV works out by
-another routine, which rounds otherwise, so they are filled up.
+A number gives the same result wherever it stands among others. OpenCV has another routine, which rounds otherwise, for
+fewer numbers than fill the processor's vectors. So these are filled up.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Numbers = NDArray[np.floating[Any]]
-VECTORS = 64  # numbers: more than any processor works on at once
+VECTORS = 64
+"""No processor works on so many numbers at once."""
 
 
 def log(x: Numbers) -> Numbers:

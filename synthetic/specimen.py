@@ -1,17 +1,15 @@
-"""Simulates one specimen and writes its recordings and its truth."""
+"""Simulates one specimen: checks what is asked for, draws it, and has its files written by several processes."""
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from endoct.base.compute.parallel import Progress
-from endoct.base.compute.worker_process import WorkerProcess, worker_process
+from endoct.base.compute.worker_process import worker_process
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import abridged
 from endoct.synthetic.sample.parameter_fields import LARGEST_SEED
@@ -65,85 +63,20 @@ def simulate(
     with ExitStack() as stack:
         processes = [stack.enter_context(worker_process()) for _ in range(workers - 1)]
         for process in processes:
-            process.call(_prepare)
-        # what is imported from here on takes a while to load: meanwhile the processes get ready, and then trace
-        from endoct.synthetic.draw import draw
+            process.preload("endoct.synthetic.endoscope.camera")  # it loads what tracing the wall takes as well
+            process.call(_keep_to_one_thread)
+        # this takes most of a second to load, in which the processes get ready
+        from endoct.synthetic.draw import Scans, draw
+        from endoct.synthetic.specimen_files import write_specimen
 
-        drawn = replayed or draw(
-            preset,
-            seed,
-            bore_seed=bore_seed,
-            ranges=ranges,
-            volume=volume,
-            ct=ct,
-            ct_slice_mm=ct_slice_mm,
-            cone_beam=cone_beam,
-        )
+        scans = Scans(ct, ct_slice_mm, cone_beam)
+        drawn = replayed or draw(preset, seed, bore_seed=bore_seed, ranges=ranges, volume=volume, scans=scans)
         write_specimen(folder, drawn, processes, progress, labels=labels, spectra=spectra)
 
 
-def write_specimen(
-    folder: Path,
-    sample: Sample,
-    processes: Sequence[WorkerProcess],
-    progress: Progress,
-    *,
-    labels: bool,
-    spectra: bool,
-) -> None:
-    """Write what :func:`simulate` says of ``sample``; ``processes`` trace parts of the wall and render frames."""
-    from endoct.synthetic.bone.baked_maps import part_of_wall
-
-    progress("wall", 0.0)
-    parts = [process.call(part_of_wall, sample, k, len(processes)) for k, process in enumerate(processes)]
-    from endoct.synthetic.model import build_model
-    from endoct.synthetic.recordings import write_recordings
-
-    model = build_model(sample, [part.result for part in parts])
-    progress("wall", 1.0)
-
-    def write_its_truth() -> None:
-        from endoct.synthetic.truth import write_truth  # takes a while to load: meanwhile others render
-
-        write_truth(folder / "truth", sample, model.wall)
-
-    folder.mkdir()
-    with ThreadPoolExecutor(1) as pool:
-        truth = pool.submit(write_its_truth)
-        write_recordings(folder, model, processes, progress)
-        truth.result()
-    if sample.bore.tube is not None:
-        from endoct.synthetic.sidecars import toml, tube_file
-
-        (folder / "tube.toml").write_text(toml(tube_file(sample)), encoding="utf-8")
-    if sample.ct or sample.cone_beam:
-        from endoct.synthetic.ct_scan import write_ct, write_lines
-
-        progress("ct", 0.0)
-        write_ct(folder / "truth", sample)
-        if sample.ct:
-            write_lines(folder, sample)
-        progress("ct", 1.0)
-    workers = 1 + len(processes)
-    if spectra:
-        from endoct.synthetic.oct.bscan import write_spectra
-        from endoct.synthetic.sidecars import spectra_sidecar, toml
-
-        advance = partial(progress, "spectra")
-        write_spectra(folder / "oct-spectra", sample, model.wall, model.appearance, advance, workers)
-        (folder / "oct-spectra" / "acquisition.toml").write_text(toml(spectra_sidecar(sample)), encoding="utf-8")
-    if labels:
-        from endoct.synthetic.labels.specimen_labels import write_labels
-
-        write_labels(folder / "truth" / "labels", model, partial(progress, "labels"), workers)
-
-
-def _prepare() -> None:
-    """Load what it takes to trace the wall and to render frames; for a process of its own, which keeps to a thread."""
+def _keep_to_one_thread() -> None:
+    """Have OpenCV of a process use one thread."""
     import cv2
-
-    import endoct.synthetic.bone.baked_maps
-    import endoct.synthetic.endoscope.camera  # noqa: F401
 
     cv2.setNumThreads(1)
 

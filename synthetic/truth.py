@@ -8,8 +8,9 @@ import numpy as np
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.synthetic.bone.anatomy import target_mm
+from endoct.synthetic.bone.field import world_of
 from endoct.synthetic.bone.wall import Wall
-from endoct.synthetic.endoscope.camera import band_centre_mm
+from endoct.synthetic.endoscope.cone import band_centre_mm
 from endoct.synthetic.sample.parameters import Sample
 
 THETA_OF_ASCANS = (
@@ -34,14 +35,14 @@ def recording(sample: Sample) -> dict[str, object]:
     """Return per modality the transform to the bore frame, and what moved, per frame in the order recorded.
 
     ``z_mm``: place in the bore frame of every slice, and of the middle of the band every image shows.
-    ``travel``, and for the OCT ``theta_sense`` (+1: A-scans run with θ, −1: against it) and
-    ``theta_origin_rad``: so a panorama with θ = 2πk/n and z = 0 at the frame nearest the mouth lies at
-    θ_bore = theta_origin_rad + theta_sense·θ, z_bore = z_origin_mm + z. For the endoscope θ_bore = θ_image +
-    roll of the frame; its ``theta_origin_rad`` is the roll of the frame nearest the mouth. ``theta_formula``
-    says in full how beams and pixels lie. Catheter offset (mm) and its direction (rad) are those from the
-    capillary's axis, in the directions of the bore frame; that axis itself lies at
-    −``capillary_tilt_rad``·(z − length/2) in the direction ``capillary_tilt_direction_rad``. ``offset_mm`` of the
-    endoscope is the (x, y) of the cone's apex.
+    ``travel``, and for the OCT ``theta_sense`` (+1: A-scans run with θ, −1: against it) and ``theta_origin_rad``.
+
+    So a panorama with θ = 2πk/n and z = 0 at the frame nearest the mouth lies at θ_bore = theta_origin_rad +
+    theta_sense·θ, z_bore = z_origin_mm + z. For the endoscope θ_bore = θ_image + roll of the frame; its
+    ``theta_origin_rad`` is the roll of the frame nearest the mouth. ``theta_formula`` says in full how beams and pixels
+    lie. Catheter offset (mm) and its direction (rad) are those from the capillary's axis, in the directions of the bore
+    frame. That axis lies at −``capillary_tilt_rad``·(z − length/2) in the direction ``capillary_tilt_direction_rad``.
+    ``offset_mm`` of the endoscope is the (x, y) of the cone's apex.
     """
     oct_, camera = sample.oct, sample.endoscope
     oct_span = min(oct_.z_mm), max(oct_.z_mm)
@@ -102,8 +103,6 @@ def world(sample: Sample) -> dict[str, object]:
     frame. ``entry_mm`` is the mouth; ``target_mm`` what the drill aims at: the basal turn of a simulated cochlea, or
     what the user stated.
     """
-    from endoct.synthetic.bone.field import world_of  # takes a while to load what only this bone needs
-
     volume = sample.bore.volume
     coordinates: Convention = "ras" if volume is None else volume.coordinates
     to_world = np.diag([*SIGNS[coordinates], 1.0]) @ world_of(sample)

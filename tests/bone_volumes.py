@@ -102,7 +102,7 @@ def point(place: Coordinates) -> tuple[float, float, float]:
 def stated(path: Path, **options: object) -> Volume:
     """Return the volume drilled from the entry to the target, in LPS."""
     usual: dict[str, object] = {"coordinates": "lps"}
-    return stated_volume(path, point(ENTRY), point(TARGET), **(usual | options))  # type: ignore[arg-type]
+    return stated_volume(path, (point(ENTRY), point(TARGET)), **(usual | options))  # type: ignore[arg-type]
 
 
 def drilled(volume: Volume, **bore: object) -> Sample:

@@ -18,7 +18,7 @@ from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.endoscope.camera import noise_free, pixel_maps
 from endoct.synthetic.endoscope.cone import cone_of
-from endoct.synthetic.endoscope.direct_light import MIRROR_BEYOND
+from endoct.synthetic.endoscope.irradiance import MIRROR_BEYOND
 from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.sample.parameters import Cell, Sample
 

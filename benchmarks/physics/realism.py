@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.physics.drawing import save
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.ct_scan import scan
-from endoct.synthetic.draw import draw
+from endoct.synthetic.draw import Scans, draw
 from endoct.synthetic.endoscope.camera import render_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.oct.bscan import ascan_echoes, render_bscan
@@ -68,7 +68,7 @@ def paper_frame(path: Path, frame_index: int = 60) -> None:
 
 def mastoid(path: Path, seed: int = 100, index: int = 20) -> None:
     """Draw a cut through the CT of a `mastoid`, a B-scan and a frame."""
-    sample = draw("mastoid", seed, ranges={"ct.voxel_mm": (0.15, 0.15)}, ct=True)
+    sample = draw("mastoid", seed, ranges={"ct.voxel_mm": (0.15, 0.15)}, scans=Scans(ct=True))
     if sample.ct is None:
         raise RuntimeError("no CT was drawn")
     picture, wall = scan(sample, sample.ct, drilled=False), build_wall(sample)

@@ -1,7 +1,7 @@
 """What a surgeon looks for in the CT of a mastoid: facial nerve, chorda, cochlea, sigmoid sinus, antrum.
 
-All in the bore frame, mm. The head lies towards θ = 0, so that the nerve runs along x; it passes beside the bore two
-millimetres before its end, the chorda on the other side; the cochlea's basal turn lies beyond the end. The sinus runs
+All in the bore frame, mm. The head lies towards θ = 0, so that the nerve runs along x. It passes the bore two
+millimetres before its end, the chorda on the other side. The cochlea's basal turn lies beyond the end. The sinus runs
 down behind the bore, near the mouth; the antrum lies above it, deeper. Neither comes as near as the OCT can look.
 """
 
@@ -21,9 +21,9 @@ BEFORE_END_MM = 2.0
 COCHLEA_TURNS, COCHLEA_PLACES = 2.5, 40
 COCHLEA_RADIUS_MM, COCHLEA_HEIGHT_MM = (3.3, 0.8), 3.6
 DUCT_RADIUS_MM = (0.9, 0.45)
-COVER_MM = 0.5  # of bone around each, at least
+COVER_MM = 0.5  # There is at least this much bone around each.
 RECESS_HALF_MM = 9.0
-# sizes are typical, and no method reads them
+# These sizes are typical, and no method reads them.
 SINUS_RADIUS_MM, SINUS_Z_MM, SINUS_SLOPE = 4.0, 6.0, 0.15
 ANTRUM_RADIUS_MM, ANTRUM_LENGTH_MM = 3.5, 4.0
 ANTRUM_BEFORE_END_MM, ANTRUM_LEAST_Z_MM = 8.0, 6.0
@@ -38,7 +38,7 @@ class Structure:
     radius_mm: Coordinates
 
     def box(self, places: Lattice, margin_mm: float = 0.0) -> tuple[slice, slice, slice]:
-        """Return the indices of all places of ``places`` in it or within ``margin_mm`` of it, and of some more."""
+        """Return a box of indices that holds all of ``places`` in it or within ``margin_mm`` of it."""
         boxes = [places.box(point, float(self.radius_mm.max()) + margin_mm) for point in self.points_mm]
         k, j, i = (
             slice(min(one.start for one in axis), max(one.stop for one in axis)) for axis in zip(*boxes, strict=True)

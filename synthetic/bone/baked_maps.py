@@ -1,9 +1,9 @@
 """The maps of a wall that tracing gives: its relief, the cells that open into the bore, and where it is wet.
 
-Rays are traced radially through the nodes that cells can reach, those that only one cell reaches cell by cell;
-elsewhere the wall is the bore's. Of a bore through three-dimensional bone, they are traced through the nodes that
-lie in air. What is traced at once stays within ``tracing.BLOCK``. Other processes may trace parts of it: a node's
-place does not depend on which others are traced with it.
+Rays are traced radially through the nodes that cells can reach; elsewhere the wall is the bore's. Nodes that only one
+cell reaches are traced cell by cell. In three-dimensional bone, rays are traced through the nodes that lie in air. What
+is traced at once stays within :data:`endoct.synthetic.bone.rays.BLOCK`. Other processes may trace parts of the wall: a
+node's place does not depend on which others are traced with it.
 """
 
 import math
@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Image, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.synthetic.bone.cavities import Indices, Near, air_mm, cavities, covers, near
-from endoct.synthetic.bone.cut_wall import fan, patch, radial
 from endoct.synthetic.bone.field import EDGE_MM, STEEPEST, Field, joined_with_bore
-from endoct.synthetic.bone.rays import BLOCK, first_fluid, first_solid
+from endoct.synthetic.bone.rays import BLOCK, fan, first_fluid, first_solid, patch, radial
 from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.bone.scene import Scene, build_scene
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Cell, Sample
 
 DEEPEST_MM = 2.5
-OPEN_MM = 0.01  # a cell is open where the first surface lies this much beyond the bore's own wall
+OPEN_MM = 0.01
+"""A cell is open where the first surface lies this much beyond the bore's own wall."""
 
 
-def blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
+def _blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
     """Return the nodes of a wall in blocks to trace together."""
     every = np.arange(grid.n_z * grid.n_theta)
     return [every[first : first + BLOCK] for first in range(0, every.size, BLOCK)]
@@ -61,7 +61,7 @@ class _Radial:
 def traced_in_field(
     scene: Scene, field: Field, nodes: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]:
-    """Return the values of the maps at ``nodes`` (n,), of those that lie in air or near it."""
+    """Return those of ``nodes`` (n,) that lie in air or near it, and the values of the maps there."""
     row, column = np.divmod(nodes, scene.grid.n_theta)
     theta = 2 * math.pi / scene.grid.n_theta * column
     own = scene.relief.displacement_mm.ravel()[nodes]
@@ -97,7 +97,8 @@ def _no_cells(n: int) -> Near:
     return near(nothing, np.zeros((1, 0), np.intp), np.zeros((n, 3)), np.zeros((n, 3)), np.float32)
 
 
-SHARE_ELSEWHERE = 2  # of the jobs, for each that this process does: it has more to load and other work besides
+SHARE_ELSEWHERE = 2
+"""Another process takes so many jobs for each that this one does, which has more to load and other work besides."""
 
 Job = tuple[NDArray[np.intp], NDArray[np.int64]]
 """Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
@@ -109,7 +110,7 @@ TracedElsewhere = Sequence[Callable[[], list[Traced]]]
 
 @dataclass(frozen=True, eq=False)
 class Baked:
-    """Maps (n_z, n_θ), as :class:`endoct.synthetic.bone.maps.WallMaps` says."""
+    """Maps (n_z, n_θ), as :class:`endoct.synthetic.bone.wall.WallMaps` says."""
 
     relief_mm: Image
     cell: Mask
@@ -132,21 +133,21 @@ def bake(scene: Scene, cells: Sequence[Cell], workers: int, elsewhere: TracedEls
 
 
 def part_of_wall(sample: Sample, part: int, parts: int) -> list[Traced]:
-    """Return what one of ``parts`` processes that help the one that builds the wall traces of it."""
+    """Trace what falls to helper ``part`` of ``parts``: they help the process that builds the wall."""
     scene = build_scene(sample)
     return [_traced(scene, job) for job in _part(_jobs(scene, sample.bore.cells, 1), part, parts)]
 
 
 def _part(jobs: list[Job], part: int, parts: int) -> list[Job]:
-    """Return the jobs of one of ``parts`` processes, or, as part ``parts``, of the one that builds the wall."""
+    """Return the jobs of helper ``part`` of ``parts``; part ``parts`` is the process that builds the wall."""
     of = [k // SHARE_ELSEWHERE for k in range(SHARE_ELSEWHERE * parts + 1)]
     return [job for index, job in enumerate(jobs) if of[index % len(of)] == part]
 
 
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
-    """Return all nodes to trace."""
+    """Return all nodes to trace, in jobs that do not depend on who does them."""
     if scene.field is not None:
-        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in blocks_of_wall(scene.grid)]
+        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in _blocks_of_wall(scene.grid)]
     reached = list(thread_map(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:
@@ -234,7 +235,7 @@ def _traced(scene: Scene, job: Job) -> Traced:
 
 
 def _deepest(scene: Scene, rays: Near, open_cells: Mask, start: Numbers) -> Indices:
-    """Return which of a ray's open cells (n, k) reaches deepest, its filling not considered, (n,)."""
+    """Return which of a ray's open cells (n, k) reaches deepest, whatever fills it, (n,)."""
     depth = np.zeros(open_cells.shape, start.dtype)
     for slot in range(open_cells.shape[1]):
         which = np.flatnonzero(open_cells[:, slot])

@@ -1,9 +1,10 @@
 """The cavities of a bore's cells: their places and shapes as arrays, and how far a place on a ray lies inside one.
 
-In coordinates across and along its axis, each divided by its semi-axis, a cavity is N < 1 with
-N = (s^p + W^p)^(1/p), s = ρ/outline(φ) and W = |w|, or max(w, 0) for a drilled shaft, which is open towards the bore.
-Along a ray s changes by at most ``grows`` per mm and w linearly, so that N stays under the norm of s + grows·t and
-W(w + rate·t), which is convex in t: a step to where a chord of that bound is 1 never leaves the cavity unseen.
+Coordinates across and along its axis are each divided by its semi-axis. In these a cavity is N < 1 with
+N = (s^p + W^p)^(1/p) and s = ρ/outline(φ). W is |w|, or max(w, 0) for a drilled shaft, which is open towards the bore.
+
+Along a ray s changes by at most ``grows`` per mm, and w linearly. So N stays under the norm of s + grows·t and
+W(w + rate·t), which is convex in t. A step to where a chord of that bound is 1 never leaves the cavity unseen.
 No function of rays is given more than some 32 000 numbers at once, which fit a cache.
 """
 
@@ -20,14 +21,16 @@ from endoct.synthetic.elementary import Numbers, exp, log
 from endoct.synthetic.sample.parameters import Cell
 
 FIRST_HARMONIC = 2
-# directions around a cavity's axis at which its outline is kept, even along a square about it, as a place on that takes
-# no arctangent; between them linear to 1e-5
 TABLE = 2048
+"""An outline is kept in this many directions around its cavity's axis, and is linear between them, to 1e-5.
+
+They are evenly spaced along a square about the axis, as a place on that takes no arctangent.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """All cells of a bore, n of them, float64 but for the table, the last a cavity nothing is in.
+    """All cells of a bore and last an empty cavity, n in all; float64 but for the table.
 
     ``centre`` (n, 3): of the widest part, mm; ``axes`` (n, 3, 3): rows u, v and w, unit vectors over
     semi-axes; ``offset`` (n, 3): the centre in them; ``outward`` (n, 3): radial direction where the axis
@@ -137,7 +140,7 @@ def _outline(cell: Cell, angle: np.ndarray) -> np.ndarray:
 Indices = NDArray[np.intp]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-OWN_SIDE = 0.3  # cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite
+OWN_SIDE = 0.3  # A cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite.
 DUST_RIPPLE_MM = 0.004
 
 
@@ -186,12 +189,12 @@ class Near:
 
 
 def chosen(values: NDArray[Scalar], slot: Indices) -> NDArray[Scalar]:
-    """Return of each row of (n, k) the value in its ``slot``, (n,)."""
+    """Return the value in ``slot`` (n,) of each row of (n, k)."""
     return values[np.arange(len(slot)), slot]
 
 
 def near(all_: Cavities, cell: Indices, origin: Numbers, direction: Numbers, dtype: DTypeLike) -> Near:
-    """Return the cavities ``cell`` (n, k), or (1, k) for all, of rays as the tracing wants them, in ``dtype``."""
+    """Return rays with the cavities ``cell`` near them, (n, k), or (1, k) where all have the same; in ``dtype``."""
     at, rate = [], []
     for row in range(3):
         x, y, z = (all_.axes[:, row, axis][cell] for axis in range(3))

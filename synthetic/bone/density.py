@@ -1,6 +1,6 @@
 """How dense bone is from place to place: what CT, OCT and endoscope all show of its inside.
 
-Trabecular and compact bone give way to one another at random; channels of vessels run through both, about the curves on
+Trabecular and compact bone give way to one another at random. Channels of vessels run through both, about the curves on
 which two smooth random fields are zero. Such a channel holds a vessel and marrow, which the drill cuts flush: the wall
 is not missing there, so that truth has no cell.
 """
@@ -19,11 +19,16 @@ from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Density, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
-DENSITY_STREAM = 6  # of the bore's generators
-NODES, STEP_MM = (320, 80, 80), 0.1  # z, y, x; repeated, along z after more than a bore is long in any preset
-LEAST, MOST = 0.3, 1.7  # of the density against the mean, outside channels
-EDGE_MM = 0.03  # over which a channel's wall is blurred: what nodes 0.1 mm apart still show
-STEEPNESS = 1.6  # mean gradient of a field in three dimensions over the rms of one of its components
+DENSITY_STREAM = 6
+"""Which of the bore's generators draws the density."""
+NODES, STEP_MM = (320, 80, 80), 0.1
+"""Nodes along z, y and x repeat; along z, they do so after more than a bore is long in any preset."""
+LEAST, MOST = 0.3, 1.7
+"""Outside channels the density lies between these, relative to its mean."""
+EDGE_MM = 0.03
+"""A channel's wall is blurred over this, which nodes 0.1 mm apart still show."""
+STEEPNESS = 1.6
+"""Mean gradient of a field in three dimensions, over the rms of one of its components."""
 
 
 @dataclass(frozen=True, eq=False)

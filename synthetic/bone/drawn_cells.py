@@ -1,23 +1,26 @@
 """The cells that are drawn with a bore: holes drilled into bone substitute, or a pneumatised mastoid.
 
 In the drilled phantom, holes of several diameters and directions cross the bore. In the mastoid, air cells of many
-sizes are widest behind the wall, with thin septa between them. A cell is placed next to an earlier one: at a distance
-of about ``septum_mm``, or, for the share ``communicating``, so close that the two run into each other. Distances are
-taken along the line through the centres.
+sizes are widest behind the wall, with thin septa between them. A cell is placed next to an earlier one, at a distance
+of about ``septum_mm``. A share ``communicating`` lies so close that the two run into each other. Distances are taken
+along the line through the centres.
 """
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates
-from endoct.synthetic.bone.cavities import frame
-from endoct.synthetic.bone.cut_wall import CutWall, drawn_contents, drawn_outline
-from endoct.synthetic.sample.parameters import Bore, Cell
+from endoct.base.arrays import Coordinates, Mask
+from endoct.base.errors import EndoctError
+from endoct.synthetic.bone.cavities import cavities, covers, frame
+from endoct.synthetic.bone.rays import fan, patch
+from endoct.synthetic.bone.relief import WallGrid
+from endoct.synthetic.sample.parameters import Bore, Cell, Harmonic
 
 
 def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
@@ -30,7 +33,93 @@ def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
     return draw_network(rng, bore) if bore.bone == "mastoid" else ()
 
 
-HOLE_TRIES = 20  # for each mm² to be cut away, and at least ten times as many
+MOST_CELL_FRACTION = 0.295
+LEEWAY = 0.02
+"""Up to the first is cut away of a wall; where a larger fraction was chosen, up to this much more than that."""
+STEP_MM = 0.02
+COLUMNS = 512
+
+
+@dataclass(eq=False)
+class CutWall:
+    """The wall of a bore while cells are drawn into it: which of its nodes are cut away."""
+
+    bore: Bore
+    cells: list[Cell] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        n_z = max(1, math.floor(self.bore.length_mm / STEP_MM))
+        self._grid = WallGrid(n_z, COLUMNS, STEP_MM, self.bore.diameter_mm / 2)
+        self._cut: Mask = np.zeros((n_z, COLUMNS), np.bool_)
+        self._n_cut = 0
+
+    @property
+    def enough(self) -> bool:
+        """Whether the wanted part of the wall is cut away."""
+        return self._n_cut >= self.bore.cell_fraction * self._cut.size
+
+    def take(self, cell: Cell) -> bool:
+        """Cut ``cell`` out unless too much would be missing then; say whether."""
+        one = cavities([cell], self._grid.radius_mm)
+        rows, columns = patch(self._grid, one, cell, 0)
+        if not rows.size:
+            return False
+        across, around = (index.ravel() for index in np.indices((rows.size, columns.size)))
+        rays = fan(self._grid, one, rows, columns, 0).of(across, around)
+        row, column = rows[across], columns[around]
+        at_wall = np.full(row.size, self._grid.radius_mm, np.float32)
+        open_ = covers(one.inverse, rays, at_wall)[:, 0]
+        row, column = row[open_], column[open_]
+        more = int((~self._cut[row, column]).sum())
+        most = max(MOST_CELL_FRACTION, self.bore.cell_fraction + LEEWAY)
+        if not row.size or self._n_cut + more > most * self._cut.size:
+            return False
+        self._cut[row, column] = True
+        self._n_cut += more
+        self.cells.append(cell)
+        return True
+
+    def all_taken(self) -> tuple[Cell, ...]:
+        """Return the cells; raise :class:`EndoctError` where they are not enough."""
+        if not self.enough:
+            raise EndoctError(
+                "no room for so many cells",
+                found=f"{self._n_cut / self._cut.size:.2f} of the wall cut away",
+                expected=f"bore.cell_fraction {self.bore.cell_fraction:.2f}",
+                remedy="lower bore.cell_fraction, or bore.septum_mm",
+            )
+        return tuple(self.cells)
+
+
+def drawn_outline(rng: Generator, amplitude: float, orders: int) -> tuple[Harmonic, ...]:
+    """Draw the harmonics 2, 3, … of an outline; the k-th has an rms of ``amplitude``/k, their sum is below 0.4."""
+    order = np.arange(2, 2 + orders)
+    outline = amplitude * rng.normal(size=(orders, 2)) / order[:, None]
+    outline *= min(1.0, 0.4 / float(np.hypot(*outline.T).sum()))
+    return tuple((float(cos), float(sin)) for cos, sin in outline)
+
+
+def drawn_contents(rng: Generator, bore: Bore, depth_mm: float) -> dict[str, object]:
+    """Draw what is in a cell of that depth and how it looks, in the shares that ``bore`` gives."""
+    lined, filled, level = rng.random(3)
+    under_lining = lined < bore.lining
+    edge = rng.uniform(0.06, 0.15) if under_lining else rng.uniform(0.005, 0.02)
+    albedo = rng.uniform(0.92, 1.0) if under_lining else rng.uniform(0.55, 0.92)
+    rim = rng.uniform(0.2, 0.8) if rng.random() < 0.2 and not under_lining else 0.0
+    filling = "dust" if filled < bore.dust else "fluid" if filled < bore.dust + bore.fluid else "air"
+    # the level is anywhere from near the brim to near the floor
+    fill = {"air": 1.0, "dust": 0.9 * level, "fluid": 0.15 + 0.75 * level}[filling] * depth_mm
+    return {
+        "edge_mm": float(edge),
+        "lining": float(albedo),
+        "rim_gain": float(rim),
+        "filling": filling,
+        "fill_mm": float(fill),
+    }
+
+
+HOLE_TRIES = 20
+"""So many holes are tried for each mm² to be cut away, and ten times as many besides."""
 MOST_LEAN_RAD = 0.6
 
 
@@ -70,10 +159,14 @@ def _hole(rng: Generator, bore: Bore) -> Cell:
     )
 
 
-CELL_TRIES = 120  # for each mm² to be cut away, and at least ten times as many
-SEED_SHARE = 0.12  # of cells that start a group of their own
-MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45  # of the log-normal openings
-SMALLER_AFTER = 12  # tries in vain, after each of which cells are drawn a tenth smaller
+CELL_TRIES = 120
+"""So many cells are tried for each mm² to be cut away, and ten times as many besides."""
+SEED_SHARE = 0.12
+"""This share of the cells starts a group of its own."""
+MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45
+"""Openings are log-normal, with this median and this σ of their logarithm."""
+SMALLER_AFTER = 12
+"""Each time so many tries were in vain, cells are drawn a tenth smaller."""
 HARMONICS = 4
 
 
@@ -178,7 +271,7 @@ class _Packed:
         return bool(np.all(gaps >= least_mm))
 
     def _gaps(self, cell: Cell, others: Sequence[int] | NDArray[np.intp]) -> Coordinates:
-        """Return the bone between the cell and others along the lines of their centres, mm; negative where none."""
+        """Return the bone between the cell and others along the lines of their centres, mm; < 0 where they overlap."""
         centre, axes, _ = frame(cell, self.radius_mm)
         between = self._centre[others] - centre
         apart = np.linalg.norm(between, axis=1)

@@ -18,10 +18,12 @@ from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.randomness import Stage, generator
 
-STEEPEST = 1.25  # of the clearance between nodes: 1 for a distance, more for what detail is added
+STEEPEST = 1.25
+"""The clearance falls no faster than this between nodes: 1 for a distance, more for what detail is added."""
 Vectors = tuple[Numbers, Numbers, Numbers]
-"""x, y and z, (n,) each."""
-EDGE_MM = 0.012  # over which the rim of an opening is rounded, as those of planted cells are
+"""Vectors are x, y and z, (n,) each."""
+EDGE_MM = 0.012
+"""The rim of an opening is rounded over this, as those of planted cells are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +31,11 @@ class Field:
     """Nodes (z, y, x) of the bore frame, ``step_mm`` apart, the first at ``origin_mm`` (x, y, z).
 
     ``clearance_mm`` float32: distance to the nearest surface of the bone as it was before drilling, > 0 in air;
-    ``cell`` int32: the cell that a place belongs to, in air and in the bone near by, 0 for none. ``level_mm`` and
-    ``dust_mm`` float32 (n + 1,): how far along ``down`` (3,), a unit vector, the surface of the fluid and of the dust
-    in each cell lies, ∞ without. ``detail`` float32 (k, k, k), repeated ``detail_step_mm`` apart: added to the
-    clearance, of an rms that is part of it; of shape (0, 0, 0) for none.
+    ``cell`` int32: the cell that a place belongs to, in air and in the bone near by, 0 for none.
+
+    ``level_mm`` and ``dust_mm`` float32 (n + 1,): how far along ``down`` the surface of the fluid, and of the dust,
+    lies in each cell, ∞ without. ``down`` (3,) is a unit vector. ``detail`` float32 (k, k, k), its nodes
+    ``detail_step_mm`` apart and repeated: roughness that is added to the clearance, of shape (0, 0, 0) for none.
     """
 
     clearance_mm: Image
@@ -46,7 +49,7 @@ class Field:
     detail_step_mm: float
 
     def air_mm(self, x: Numbers, y: Numbers, z: Numbers) -> Numbers:
-        """Return the clearance of places (n,) whatever fills the cells, trilinear, as beyond the border at it."""
+        """Return the clearance of places (n,), whatever fills the cells; trilinear, beyond the border as at it."""
         at = self._index(x, y, z)
         air = trilinear(self.clearance_mm, at, wrap=False)
         if self.detail.size:
@@ -85,7 +88,7 @@ class Field:
         return np.asarray(x * down[0] + y * down[1] + z * down[2])
 
     def cell_at(self, x: Numbers, y: Numbers, z: Numbers) -> NDArray[np.int32]:
-        """Return the cell that places (n,) belong to, that of the nearest node."""
+        """Return the cell of the node nearest to each place (n,)."""
         index = [
             np.clip(np.rint(at), 0, n - 1).astype(np.intp)
             for at, n in zip(self._index(x, y, z), self.cell.shape, strict=True)
@@ -105,12 +108,15 @@ def joined_with_bore(bore_mm: Numbers, field_mm: Numbers) -> Numbers:
 
 Number = TypeVar("Number", np.float32, np.int32)
 
-REACH_MM = 4.2  # from the axis, as far as the OCT's beams are followed; beyond, everything goes on as it is there
-FILLINGS_STREAM, DETAIL_STREAM = 101, 102  # of the wall's generators, beyond those of its textures
+REACH_MM = 4.2
+"""The field ends this far from the axis, as far as the OCT's beams are followed; beyond, it goes on as it is there."""
+FILLINGS_STREAM, DETAIL_STREAM = 101, 102
+"""These are the wall's generators that draw fillings and detail, beyond those of its textures."""
 DETAIL_NODES, DETAIL_STEP_MM, DETAIL_SIGMA_NODES = 64, 0.02, 1.5
 WALL_PLACES = 64
 NETWORK_STEP_MM, VOLUME_STEPS_MM = 0.06, (0.04, 0.1)
-FILLED_EVERY = 3  # nodes at which the extent of a cell is looked up
+FILLED_EVERY = 3
+"""The extent of a cell is looked up at every third node along each axis."""
 
 
 def build_field(sample: Sample) -> Field:
@@ -154,17 +160,17 @@ def world_of(sample: Sample) -> Coordinates:
 
 
 def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
-    to_lps, bone, beside = bore_to_lps(volume), bone_around(volume, reach_mm), bone_around(volume, REACH_MM)
-    distance = resampled(bone.distance_mm, bone.lattice, lattice.moved(to_lps), order=3)
-    # beyond what the recordings can reach cells have no number
-    cell = resampled(cells_around(volume, REACH_MM), beside.lattice, lattice.moved(to_lps), order=0)
+    bone, places = bone_around(volume, reach_mm), lattice.moved(bore_to_lps(volume))
+    distance = resampled(bone.distance_mm, bone.lattice, places, order=3)
+    # cells have no number beyond what the recordings can reach
+    cell = resampled(cells_around(volume, REACH_MM), bone_around(volume, REACH_MM).lattice, places, order=0)
     return distance, np.asarray(cell, dtype=np.int32)
 
 
 def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
     """Resample values from one lattice to another by splines of the given ``order``.
 
-    Beyond the border they are as at it, or of order 0 nothing.
+    Beyond the border they are as at the border; of order 0 they are 0 there.
     """
     matrix = (places.steps_mm @ np.linalg.inv(at.steps_mm)).T
     offset, mode = at.index_of(places.origin_mm), "nearest" if order else "constant"

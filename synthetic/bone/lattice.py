@@ -57,9 +57,9 @@ class Lattice:
     def box(
         self, centre_mm: Coordinates, reach_mm: float, semi_mm: Coordinates | None = None
     ) -> tuple[slice, slice, slice]:
-        """Return the indices of all places within ``reach_mm`` of one, and of some more.
+        """Return a box of indices that holds all places within ``reach_mm`` of ``centre_mm``.
 
-        ``semi_mm`` (3, 3): rows are the semi-axes of an ellipsoid from which that reach counts.
+        ``semi_mm`` (3, 3): rows are the semi-axes of an ellipsoid, from whose surface that reach counts.
         """
         middle = self.index_of(centre_mm)
         # how an index changes per mm, and at most within the ellipsoid

@@ -1,9 +1,9 @@
 """A pneumatised mastoid in three dimensions: a network of air cells, cut by whatever is drilled through it.
 
 Sites with log-normal radii divide space as a power diagram does (Aurenhammer 1987, "Power diagrams"): two neighbours
-meet where their power distances are equal. A cell is what of its part lies within an ellipsoid about its site and away
-from its neighbours by half a septum, with rounded edges. Only a share of the sites holds air, more in some regions than
-in others; some neighbours are open to one another through a round hole in their septum.
+meet where their power distances are equal. Of its part, a cell is what lies within an ellipsoid about its site and half
+a septum away from its neighbours, with rounded edges. Only a share of the sites holds air, more in some regions than in
+others. Some neighbours are open to one another through a round hole in their septum.
 """
 
 import math
@@ -15,6 +15,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
+from scipy.special import ndtri
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
@@ -23,18 +24,18 @@ from endoct.synthetic.bone.lattice import Lattice, trilinear
 from endoct.synthetic.sample.parameters import Bore, Network, Sample
 from endoct.synthetic.sample.randomness import Stage, generator
 
-ASIDE_MM = 15.0  # from the bore's axis, and beyond its ends, to which there are sites
-CANDIDATES = 3.0  # for each site that there is room for
-NEAREST = 0.75  # two sites, over the sum of their radii
-LARGEST = 3.0  # radius over the median
-BULGE = 1.1  # ellipsoid over the site's radius
-ROUND_MM = 0.12  # of edges between walls
-LEAST_SEPTUM_MM = 0.08  # what nodes of a field 0.06 mm apart still show
-BEYOND_MM = 0.45  # from a cell as far as distances in bone are right, enough for the thickest septum seen through
-HOLE = (0.3, 0.7)  # radius of an opening over that of the face
-REGION_MM = 7.0  # wavelength over which bone changes from dense to pneumatised
+ASIDE_MM = 15.0  # Sites lie up to this far from the bore's axis, and beyond its ends.
+CANDIDATES = 3.0  # So many are drawn for each site that there is room for.
+NEAREST = 0.75  # Two sites are at least this far apart, over the sum of their radii.
+LARGEST = 3.0  # No radius is larger than this, over the median.
+BULGE = 1.1  # A site's ellipsoid is larger than its radius by this factor.
+ROUND_MM = 0.12  # Edges between walls are rounded over this.
+LEAST_SEPTUM_MM = 0.08  # Nodes of a field 0.06 mm apart still show such a septum.
+BEYOND_MM = 0.45  # Distances in bone are right this far from a cell: enough for the thickest septum seen through.
+HOLE = (0.3, 0.7)  # An opening's radius lies between these, over that of the face.
+REGION_MM = 7.0  # This is the wavelength over which bone changes from dense to pneumatised.
 WAVES = 24
-BORE_STREAM, UNEVEN_STREAM = 1, 3  # of the bore's generators
+BORE_STREAM, UNEVEN_STREAM = 1, 3  # These are two of the bore's generators.
 UNEVEN_NODES, UNEVEN_STEP_MM, UNEVEN_SIGMA_MM = 48, 0.1, 0.22
 UNEVEN_WITHIN_MM = 0.4
 PLACES_AT_ONCE = 200_000
@@ -109,7 +110,7 @@ def _packed(rng: Generator, network: Network, length_mm: float) -> tuple[Coordin
     place = rng.uniform(low, high, (count, 3))
     radius = median * np.exp(np.clip(spread * rng.normal(size=count), -math.log(LARGEST), math.log(LARGEST)))
     within = np.hypot(place[:, 0], place[:, 1]) < ASIDE_MM
-    # of cortical bone at the surface there is some before the first cell
+    # there is some cortical bone at the surface before the first cell
     within &= place[:, 2] > network.cortex_mm + radius
     place, radius = place[within], radius[within]
     order = np.argsort(-radius, kind="stable")
@@ -142,13 +143,7 @@ def _pneumatised(rng: Generator, network: Network, place: Coordinates, n: int) -
     waves = rng.normal(size=(WAVES, 3)) * (2 * math.pi / REGION_MM / math.sqrt(3))
     region = np.cos(place @ waves.T + rng.uniform(0, 2 * math.pi, WAVES)).sum(axis=1) / math.sqrt(WAVES / 2)
     score = network.patchiness * region + math.sqrt(1 - network.patchiness**2) * rng.normal(size=n)
-    return np.asarray(score > -_normal_quantile(network.pneumatised))
-
-
-def _normal_quantile(share: float) -> float:
-    from scipy.special import ndtri
-
-    return float(ndtri(share))
+    return np.asarray(score > -float(ndtri(network.pneumatised)))
 
 
 def air_on(sample: Sample, lattice: Lattice) -> tuple[Image, NDArray[np.int32]]:
@@ -212,7 +207,7 @@ def _roughen(sample: Sample, lattice: Lattice, clearance: Image) -> None:
     for first in range(0, near.size, PLACES_AT_ONCE):
         which = near[first : first + PLACES_AT_ONCE]
         x, y, z = (one * np.float32(1 / UNEVEN_STEP_MM) for one in lattice.some_places(which))
-        # it ends where the surface is too far for it to matter, as all distances would be wrong
+        # it ends where the surface is too far for it to matter: beyond, all distances would be wrong
         flat[which] += trilinear(noise, [z, y, x], wrap=True) * (1 - (flat[which] * (1 / UNEVEN_WITHIN_MM)) ** 2)
 
 

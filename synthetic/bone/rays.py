@@ -1,26 +1,34 @@
 """Rays through air and bone: where they first meet a surface, leave bone, or enter fluid.
 
 The clearance of bore and cells together is a polynomial smooth maximum over each cell's ``edge_mm``, which adds at
-most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``, within which the
-surface then follows from the secant rule.
+most a quarter of it. Rays step by what no surface can be nearer than, but at least ``STEP_MM``. Within such a step the
+surface follows from the secant rule. Radial rays go from the bore's axis through the nodes of a wall.
 """
 
 import math
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
-from endoct.synthetic.bone.cavities import Cavities, Indices, Near, chosen, clearance
+from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, chosen, clearance, near, sag
+from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.elementary import Numbers
+from endoct.synthetic.sample.parameters import Cell
 
 STEP_MM = 0.004
-BLOCK = 32_000  # pairs of a ray and a cell traced at once: what fits a cache
-# after so many steps few rays are left: these are looked at in so many places at once, as calls cost more than looks;
-# not the number of rays decides, so that where a ray ends does not depend on which others are traced with it
+"""No step is shorter than this."""
+BLOCK = 32_000
+"""So many pairs of a ray and a cell are traced at once: what fits a cache."""
 STEPS, LOOKS = 10, 16
-MOST_AT_REST = 0.25  # of rays that have ended and are carried along: to sort them out costs as much as a step
+"""After so many steps few rays are left, and each is looked at in so many places at once: calls cost more than looks.
+
+The number of rays does not decide, so that where a ray ends does not depend on which others are traced with it.
+"""
+MOST_AT_REST = 0.25
+"""Up to this share of rays that have ended is carried along: to sort them out costs as much as a step."""
 
 
 class BoreAlong(Protocol):
@@ -127,7 +135,7 @@ def _look(cells: Cavities, rays: Near, bore: BoreAlong, t: Numbers, sign: int) -
 
 
 def _between(low: Numbers, at_low: Numbers, high: Numbers, at_high: Numbers) -> Numbers:
-    """Return where a clearance that is ``at_low`` > 0 and ``at_high`` ≤ 0 is 0, were it linear."""
+    """Return where a linear clearance, ``at_low`` > 0 and ``at_high`` ≤ 0, would be 0."""
     return low + np.clip(at_low / np.maximum(at_low - at_high, 1e-12), 0, 1) * (high - low)
 
 
@@ -168,3 +176,53 @@ def first_fluid(cells: Cavities, rays: Near, start: Numbers, limit: Numbers) -> 
             on = np.flatnonzero(~inside & (t < stop))
             which, t, stop, one = which[on], (t + np.maximum(-step, STEP_MM))[on], stop[on], one.of(on)
     return np.where(np.isfinite(nearest), nearest, math.nan)
+
+
+@dataclass(frozen=True)
+class Fan:
+    """Radial rays to one cavity: from each of some rows, and towards each of some columns of a grid."""
+
+    from_rows: Near
+    towards: Near
+
+    def of(self, row: NDArray[np.intp], column: NDArray[np.intp]) -> Near:
+        """Return the rays from ``row`` towards ``column``, indices into those rows and columns (n,)."""
+        starts = {name: getattr(self.from_rows, name).take(row, axis=0) for name in ("u", "v", "w")}
+        changes = ("du", "dv", "dw", "grows", "sinks", "fastest")
+        rates = {name: getattr(self.towards, name).take(column, axis=0) for name in changes}
+        return replace(self.from_rows, **starts, **rates)
+
+
+def fan(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], number: int) -> Fan:
+    """Return the rays from the axis at all ``rows`` towards all ``columns`` of the wall, to one cavity."""
+    cell = np.array([[number]])
+    from_rows = radial(grid, all_, rows, np.zeros_like(rows), cell)
+    return Fan(from_rows, radial(grid, all_, np.zeros_like(columns), columns, cell))
+
+
+def radial(grid: WallGrid, all_: Cavities, rows: NDArray[np.intp], columns: NDArray[np.intp], cells: Indices) -> Near:
+    """Return the rays from the axis through nodes of the wall (n,), with ``cells`` (n, k) or (1, k), float32."""
+    theta = 2 * math.pi / grid.n_theta * columns
+    heading = np.stack([np.cos(theta), np.sin(theta), np.zeros_like(theta)], axis=1)
+    origin = np.zeros_like(heading)
+    origin[:, 2] = grid.dz_mm * rows
+    return near(all_, cells, origin, heading, np.float32)
+
+
+def patch(grid: WallGrid, all_: Cavities, cell: Cell, number: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the rows and columns within which radial rays can meet a cavity beyond the wall."""
+    centre, outward, axes = (values[number] for values in (all_.centre, all_.outward, all_.axes))
+    widest = 1 / float(all_.inverse[:-1].reshape(len(all_), -1)[number].min())
+    semi = 1 / np.linalg.norm(axes, axis=1) * np.array([widest, widest, 1.0])
+    lowest = (cell.bulge_mm + sag(cell, grid.radius_mm, semi[0])) / semi[2]
+    box = axes / np.linalg.norm(axes, axis=1)[:, None] * semi[:, None]
+    low_w = -min(1.0, lowest) if cell.bulge_mm > 0 else -lowest
+    points = centre + np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (low_w, 1)]) @ box
+    margin = cell.edge_mm + 2 * grid.dz_mm
+    low, high = points[:, 2].min() - margin, points[:, 2].max() + margin
+    rows = np.arange(max(0, math.ceil(low / grid.dz_mm)), min(grid.n_z - 1, math.floor(high / grid.dz_mm)) + 1)
+    angle = np.arctan2(points @ np.array([-outward[1], outward[0], 0.0]), np.maximum(points @ outward, 0.05))
+    most, slack, step = math.acos(OWN_SIDE), margin / grid.radius_mm, 2 * math.pi / grid.n_theta
+    left = cell.theta_rad + max(-most, float(angle.min()) - slack)
+    right = cell.theta_rad + min(most, float(angle.max()) + slack)
+    return rows, np.arange(math.ceil(left / step), math.floor(right / step) + 1) % grid.n_theta

@@ -1,4 +1,7 @@
-"""The bore's own wall: how far it departs from a cylinder, as a map over (z, θ)."""
+"""The bore's own wall without cells: how far it departs from a cylinder, as a map over (z, θ).
+
+A printed tube to calibrate by has grooves and rings besides, and ink in its grooves.
+"""
 
 import math
 from collections.abc import Sequence
@@ -11,14 +14,17 @@ from numpy.random import Generator
 from endoct.base.arrays import Image
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import gaussian, pad_circle
-from endoct.synthetic.bone.tube import tube_relief
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.parameters import Sample, Tube
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
 
-SAMPLES_A_SIGMA = 4  # of the grid a smooth texture is drawn on: enough for cubic enlargement
-BORDER = 4  # samples repeated beyond the turn, so that the enlargement is cyclic
+SAMPLES_A_SIGMA = 4
+"""A smooth texture is drawn on a grid with so many samples a σ, enough for cubic enlargement."""
+BORDER = 4
+"""So many samples are repeated beyond the turn, so that the enlargement is cyclic."""
 FINE_MM = 0.012
+BRIM_MM = 0.01
+"""The ink of a tube begins over this much of a groove's depth."""
 
 
 @dataclass(frozen=True)
@@ -106,3 +112,36 @@ def bore_relief(sample: Sample, workers: int = 1) -> BoreRelief:
     marks_mm, ink = tube_relief(bore.tube, grid.radius_mm, z_mm, np.asarray(2 * math.pi * turns, np.float32))
     displacement += marks_mm
     return BoreRelief(displacement, grooves, fine, ink)
+
+
+def tube_relief(tube: Tube, radius_mm: float, z_mm: Image, theta_rad: Image) -> tuple[Image, Image]:
+    """Return how much farther from the axis than its bore the tube is, and the share of ink, at z (n, 1) and θ (m,).
+
+    Both are float32 (n, m). Rings and grooves add up; where grooves cross, the deeper counts. Edges are rounded.
+    """
+    z = z_mm / np.float32(tube.stretch)
+    rings = sum(
+        _inside(np.abs(z - np.float32(middle)) - np.float32(width / 2), tube.edge_mm)
+        for middle, width in ((tube.narrow_z_mm, tube.narrow_width_mm), (tube.wide_z_mm, tube.wide_width_mm))
+    )
+    helix = np.float32(2 * math.pi / tube.helix_lead_mm) * z + np.float32(tube.helix_theta_rad)
+    grooves = np.maximum(
+        _inside(np.abs(_arc_mm(theta_rad, radius_mm)) - np.float32(tube.groove_width_mm / 2), tube.edge_mm),
+        _inside(np.abs(_arc_mm(theta_rad - helix, radius_mm)) - np.float32(tube.helix_width_mm / 2), tube.edge_mm),
+    )
+    depth_error_mm = tube.depth_error * tube.sigma_depth_mm
+    relief = (tube.ring_depth_mm + depth_error_mm) * rings + (tube.groove_depth_mm + depth_error_mm) * grooves
+    relief += tube.bore_error * tube.sigma_bore_mm / 2
+    below_brim = tube.groove_depth_mm * grooves - np.float32(tube.brim_mm)
+    return np.asarray(relief, np.float32), np.asarray(np.clip(below_brim / BRIM_MM, 0, 1), np.float32)
+
+
+def _arc_mm(theta_rad: Image, radius_mm: float) -> Image:
+    """Return the way along the circumference from θ = 0, mm."""
+    turned = np.mod(theta_rad + np.float32(math.pi), np.float32(2 * math.pi)) - np.float32(math.pi)
+    return np.asarray(np.float32(radius_mm) * turned, np.float32)
+
+
+def _inside(beyond_mm: Image, edge_mm: float) -> Image:
+    """Return 1 well inside an outline, 0 well outside."""
+    return np.asarray(0.5 - 0.5 * np.tanh(beyond_mm * np.float32(2 / edge_mm)), np.float32)

@@ -1,11 +1,12 @@
-"""The bone: air in a bore and in its cells, as clearances from which rays can be traced.
+"""The bone: air in a bore and in its cells, as clearances from which rays can be traced, and what the cells hold.
 
-The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r;
-that of a cell is :mod:`endoct.synthetic.bone.cavities`'s; :mod:`endoct.synthetic.bone.rays` joins them and follows
-the rays.
+The clearance of a place is its distance to the nearest surface, > 0 in air. That of the bore is R + displacement − r,
+that of a cell is given by :mod:`endoct.synthetic.bone.cavities`. :mod:`endoct.synthetic.bone.rays` joins them and
+follows the rays.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,15 +14,33 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.synthetic.bone.cavities import OWN_SIDE, Cavities, Indices, Near, cavities, clearance, near
-from endoct.synthetic.bone.cell_contents import Contents, contents_of_field, contents_of_planted
-from endoct.synthetic.bone.field import STEEPEST, Field, joined_with_bore
+from endoct.synthetic.bone.field import STEEPEST, Field, build_field, joined_with_bore
 from endoct.synthetic.bone.rays import BLOCK, STEP_MM, first_air, first_fluid, first_solid, joined, owner_of
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, bore_relief, wall_grid
 from endoct.synthetic.elementary import Numbers, azimuth
-from endoct.synthetic.sample.parameters import Sample
+from endoct.synthetic.sample.parameters import Cell, Sample
+from endoct.synthetic.sample.randomness import Stage, generator
 
 SEPTUM_MM = 0.4
+"""Through a septum up to this thick, a ray is followed to the bone behind it."""
 NORMAL_MM = 0.002
+"""A normal follows from clearances this far to either side."""
+CELLS_STREAM = 100
+"""Which of the wall's generators draws the contents of cells, beyond those of its textures."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """One value a cell, the first for no cell, (n + 1,).
+
+    ``lining``: albedo of the inside over that of bone; ``rim_gain``: light added on its rim; ``filling``: what is in
+    it; ``down`` float64 (n + 1, 3): unit vector across the surface of its fluid, into the fluid; 0 for no cell.
+    """
+
+    lining: Image
+    rim_gain: Image
+    filling: tuple[str, ...]
+    down: Coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +91,6 @@ def build_scene(sample: Sample, workers: int = 1) -> Scene:
     around = np.abs(np.diff(relief.displacement_mm, axis=1)).max(initial=0) / grid.dtheta_mm
     field = None
     if sample.bore.network is not None or sample.bore.volume is not None:
-        from endoct.synthetic.bone.field import build_field  # takes a while to load what only this bone needs
-
         field = build_field(sample)
     return Scene(
         grid=grid,
@@ -84,6 +101,41 @@ def build_scene(sample: Sample, workers: int = 1) -> Scene:
         displacement=np.pad(relief.displacement_mm, ((0, 0), (0, 2)), mode="wrap"),
         steepest=float(np.hypot(along, around)),
         least_mm=float(relief.displacement_mm.min()),
+    )
+
+
+def contents_of_planted(cells: Sequence[Cell]) -> Contents:
+    """Return the contents of cells that were planted on the wall: their fluid lies across their axis."""
+    down = np.zeros((len(cells) + 1, 3))
+    for number, cell in enumerate(cells, 1):
+        radial = np.array([np.cos(cell.theta_rad), np.sin(cell.theta_rad), 0.0])
+        around = np.array([-radial[1], radial[0], 0.0])
+        sideways = np.sin(cell.lean_direction_rad) * around + np.array([0, 0, np.cos(cell.lean_direction_rad)])
+        down[number] = np.cos(cell.lean_rad) * radial + np.sin(cell.lean_rad) * sideways
+    return Contents(
+        lining=np.array([1.0] + [cell.lining for cell in cells], np.float32),
+        rim_gain=np.array([0.0] + [cell.rim_gain for cell in cells], np.float32),
+        filling=("air", *(cell.filling for cell in cells)),
+        down=down,
+    )
+
+
+def contents_of_field(sample: Sample, field: Field) -> Contents:
+    """Return the contents of the cells of three-dimensional bone; those of one number look alike in every recording."""
+    n = len(field.level_mm) - 1
+    rng = generator(sample.bore_seed, Stage.WALL, CELLS_STREAM)
+    lined, bright, albedo, gain = rng.random((4, n))
+    lined = lined < sample.bore.lining
+    lining = np.where(lined, 0.92 + 0.08 * albedo, 0.55 + 0.37 * albedo)
+    rim = np.where((bright < 0.2) & ~lined, 0.2 + 0.6 * gain, 0)
+    filling = np.where(np.isfinite(field.dust_mm), "dust", np.where(np.isfinite(field.level_mm), "fluid", "air"))
+    down = np.tile(field.down, (n + 1, 1))
+    down[0] = 0
+    return Contents(
+        lining=np.append(1.0, lining).astype(np.float32),
+        rim_gain=np.append(0.0, rim).astype(np.float32),
+        filling=tuple(str(word) for word in filling),
+        down=down,
     )
 
 
@@ -126,7 +178,7 @@ def crossings(
 
 
 def _candidates(scene: Scene, origin: Numbers, heading: Numbers) -> tuple[Indices, Indices]:
-    """Return the cells that rays may meet, (n, k) ending in the empty one, and how many, (n,)."""
+    """Return the cells that rays may meet, (n, k), filled up with the empty one, and how many there are, (n,)."""
     cells, nothing, n = scene.cells, len(scene.cells) - 1, len(origin)
     wall = _at_radius(scene.grid.radius_mm, origin, heading)
     x, y = (origin[:, axis] + wall * heading[:, axis] for axis in range(2))

@@ -1,27 +1,88 @@
-"""The bore's wall: its relief, its cells, its albedo, and what both instruments need to know of its surface.
+"""The bore's wall as maps: its relief, cells and albedo, and what else both instruments need to know of its surface.
 
-The bone is mottled, smeared, lined in some cells and bright along some rims.
+The bone is mottled, smeared, lined in some cells and bright along some rims. The endoscope needs these maps only.
 """
 
 import math
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Image
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import pad_circle
 from endoct.synthetic.bone.baked_maps import TracedElsewhere, bake
-from endoct.synthetic.bone.cell_contents import Contents
 from endoct.synthetic.bone.density import BoneDensity, density_of
-from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.relief import BoreRelief, WallGrid, textures
-from endoct.synthetic.bone.scene import Scene, build_scene
+from endoct.synthetic.bone.scene import Contents, Scene, build_scene
 from endoct.synthetic.sample.parameters import Sample
 
+LOOKUP_COLUMNS = 1024
+"""Places that are looked up at once lie in rows of this length."""
 RIM_MM = 0.02
-COARSER = 4  # of θ and z: 0.04 mm, less than a channel is wide
+"""Rims are made bright by a blur of this σ."""
+COARSER = 4
+"""Density is looked up on a grid coarser by this in θ and z: 0.04 mm, less than a channel is wide."""
+
+
+@dataclass(frozen=True, eq=False)
+class WallMaps:
+    """Maps of the wall on a grid (z, θ) of the bore frame.
+
+    Row k is z = k·``dz_mm`` from the mouth, column j is θ = j·2π/n. ``relief_mm``: wall radius minus
+    ``radius_mm``, the first solid surface along the radial ray. ``cell``: the surface at the nominal radius is
+    missing. ``cell_id``: 1 + the index in the sample of the cell whose cavity is open there, 0 elsewhere. Where several
+    meet it is the deepest, and it is kept where dust fills the opening, which is not missing then. ``albedo``: relative
+    reflectance; ``rim``: light added on bright rims of cells. ``slope_z``, ``slope_theta``: ∂r/∂z and ∂r/(r ∂θ).
+    ``wet``: fluid lies over the place, 0 or 1.
+    """
+
+    radius_mm: float
+    dz_mm: float
+    relief_mm: Image
+    cell: Mask
+    cell_id: NDArray[np.int32]
+    albedo: Image
+    rim: Image
+    slope_z: Image
+    slope_theta: Image
+    wet: Image
+
+    @property
+    def dtheta_rad(self) -> float:
+        """Step of the columns, rad."""
+        return 2 * math.pi / int(self.relief_mm.shape[1])
+
+    @cached_property
+    def relief_range_mm(self) -> tuple[float, float]:
+        """The least and the largest relief."""
+        return float(self.relief_mm.min()), float(self.relief_mm.max())
+
+    def at(self, image: Image, z_mm: Coordinates, theta_rad: Coordinates) -> Image:
+        """Return one of the maps at scattered places (1-D arrays of one length), bilinear, cyclic in θ."""
+        n = z_mm.size
+        rows = np.zeros(-(-n // LOOKUP_COLUMNS) * LOOKUP_COLUMNS, np.float32)
+        columns = np.zeros_like(rows)
+        np.clip(z_mm / self.dz_mm, 0, image.shape[0] - 1, out=rows[:n], casting="same_kind")
+        columns[:n] = np.mod(theta_rad, 2 * np.pi) / self.dtheta_rad
+        shape = (-1, LOOKUP_COLUMNS)
+        values = cv2.remap(
+            image, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+        )
+        return np.asarray(values, dtype=np.float32).ravel()[:n]
+
+
+@dataclass(frozen=True, eq=False)
+class Wall(WallMaps):
+    """The maps, and the ``scene`` they were baked from."""
+
+    scene: Scene
+
+    def maps(self) -> WallMaps:
+        """Return the maps alone, without the scene, which takes long to send to another process."""
+        return WallMaps(**{field.name: getattr(self, field.name) for field in fields(WallMaps)})
 
 
 def albedo_of(
@@ -80,17 +141,6 @@ def rim_light(contents: Contents, grid: WallGrid, cell_id: NDArray[np.int32]) ->
     wide = pad_circle(bright, pad)
     blurred = cv2.GaussianBlur(wide, (0, 0), sigmaX=sigma_theta, sigmaY=sigma_z)[:, pad:-pad]
     return np.asarray(2 * np.abs(bright - blurred), dtype=np.float32)
-
-
-@dataclass(frozen=True, eq=False)
-class Wall(WallMaps):
-    """The maps, and the ``scene`` they were baked from."""
-
-    scene: Scene
-
-    def maps(self) -> WallMaps:
-        """Return the maps alone, without the scene, which takes long to send to another process."""
-        return WallMaps(**{field.name: getattr(self, field.name) for field in fields(WallMaps)})
 
 
 def build_wall(sample: Sample, workers: int = 1, elsewhere: TracedElsewhere = ()) -> Wall:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
-from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.endoscope.cone import band_centre_mm
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
@@ -59,8 +58,7 @@ def compressed(camera: Endoscope, frame: NDArray[np.uint8]) -> NDArray[np.uint8]
     return np.asarray(cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB) if decoded.ndim == 3 else decoded, dtype=np.uint8)
 
 
-# the filter "up" with run lengths: of frames, a sixth less to store than OpenCV's own choice makes of them, in a fifth
-# less time
+# The filter "up" with run lengths stores frames in a sixth less room than OpenCV's own choice, in a fifth less time.
 _ENCODING = [
     cv2.IMWRITE_PNG_COMPRESSION, 1,
     cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
@@ -81,8 +79,6 @@ def write_png(path: Path, frame: NDArray[np.uint8]) -> None:
     """Write a frame as ``path``."""
     path.write_bytes(png(frame))
 
-
-__all__ = ["PixelMaps", "StoredFrame", "band_centre_mm", "noise_free", "pixel_maps", "render_frame", "stored_frame"]
 
 StoredFrame = bytes | NDArray[np.uint8]
 """A frame as it is stored: the bytes of a PNG file, or for a video the frame itself."""

@@ -23,6 +23,9 @@ from endoct.synthetic.sample.parameters import Endoscope
 STEEPEST = 0.97
 """Largest tan ψ at which the mirror counts as visible, as a part of tan a, at which a ray runs along the cone."""
 NEWTON_STEPS = 6
+MIRROR_CLEARANCE_MM = 0.10
+"""The mirror passes the bore with this much room around it."""
+LEAST_INNER_SHARE = 0.08
 
 Reals = NDArray[np.floating[Any]]
 
@@ -118,6 +121,31 @@ def focal_length_px(optics: Mapping[str, float], inner_px: float, outer_px: floa
     return float(brentq(excess_mm, shortest, 1e5 * outer_px, xtol=1e-9 * outer_px, rtol=1e-14))
 
 
+def fitting_annulus(
+    optics: Mapping[str, float], inner_share: float, outer_px: float, radius_mm: float
+) -> tuple[float, float]:
+    """Return the annulus' inner radius, ``inner_share`` of the outer or what less it takes, and the focal length.
+
+    The smaller the inner rim, the smaller the mirror that shows the same length; it has to pass through the bore.
+    ``optics`` is what :func:`focal_length_px` takes. Raises :class:`EndoctError` where no mirror passes.
+    """
+    while True:
+        inner_px = inner_share * outer_px
+        focal_px = focal_length_px(optics, inner_px, outer_px, radius_mm)
+        k1 = optics["distortion"] * (focal_px * (1 + optics["distortion"]) / outer_px) ** 2
+        cone = Cone(math.radians(optics["half_angle_deg"]), optics["mirror_distance_mm"], focal_px, k1)
+        if float(cone.rays(np.array([outer_px])).rho_mm[0]) <= radius_mm - MIRROR_CLEARANCE_MM:
+            return inner_px, focal_px
+        inner_share -= 0.01
+        if inner_share < LEAST_INNER_SHARE:
+            raise EndoctError(
+                "no mirror that passes through the bore shows so much of it",
+                found=f"visible_length_mm {optics['visible_length_mm']:.2f} at mirror_distance_mm "
+                f"{optics['mirror_distance_mm']:.2f} in a bore of {2 * radius_mm:.2f} mm",
+                remedy="vary visible_length_mm or mirror_distance_mm less",
+            )
+
+
 def _undistorted(image: Reals, k1: float) -> Reals:
     """Solve t·(1 + k1·t²) = ``image`` for t by Newton's method; the distortion is mild."""
     t = image
@@ -130,8 +158,8 @@ def _undistorted(image: Reals, k1: float) -> Reals:
 class Rays:
     """Rays in the bore's frame, each relative to its own azimuth ``theta_rad``; float32 (n,) each.
 
-    At a distance t from the cone a ray is at u0 + t·u1 along its azimuth, v0 + t·v1 across it (towards larger θ),
-    and at z = z0 + t·z1 from the apex.
+    At a distance t from the cone a ray is at u0 + t·u1 along its azimuth and at v0 + t·v1 across it, towards larger θ.
+    There z = z0 + t·z1, from the apex.
     """
 
     theta_rad: Image

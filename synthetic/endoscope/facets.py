@@ -1,16 +1,13 @@
-"""The wall in facets that exchange light (radiosity), and how steeply bone rises along the bore next to each place.
+"""The wall in facets that exchange light (radiosity), and which facets each of them sees: the same for all frames.
 
-What each facet sees of the others is followed once for all frames. The relief is sampled on a coarse grid (z, θ).
-Every sample is a facet. Where the relief between it and its neighbours is steep, as on the side of a cell, it has
-more of them, one for each ``LEVEL_MM`` of depth. From each, rays go out by the cosine law and are followed to the
-facet that they meet. The probe, which moves, is left out: it takes some of that light and sends back about as much.
-
-The light that arrives at a facet by way of others is the mean, over its rays, of what the facets there send on: their
-albedo times the light they get, directly and by way of others. All colours are treated alike.
-
-The shade is how steeply bone rises: it says which light can reach a place of the wall, in any frame.
+The wall's relief is sampled on a coarse grid (z, θ). Every sample is a facet. Where the relief towards its neighbours
+is steep, as on the side of a cell, it has more: one for each ``LEVEL_MM`` of depth. Rays leave each facet by the cosine
+law, and are followed to the facets that they meet. Between samples the relief is bilinear. A ray that passes the middle
+of the bore is followed only before and after it. The probe, which moves, is left out: it takes some of that light and
+sends back about as much.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -18,20 +15,218 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.endoscope.cone import band_centre_mm
-from endoct.synthetic.endoscope.direct_light import Places, direct
-from endoct.synthetic.endoscope.facet_grid import (
-    LEVEL_MM,
-    FacetGrid,
-    Indices,
-    facet_grid,
-    level_of,
-    neighbours,
-    seen_facets,
-)
-from endoct.synthetic.endoscope.sight import lookup, lookup_all
-from endoct.synthetic.sample.parameters import Endoscope
+from endoct.synthetic.bone.wall import WallMaps
+from endoct.synthetic.endoscope.sight import lookup
+
+FACET_MM = 0.07
+LEVEL_MM = 0.1
+FLAT_MM = 0.02
+"""Where the wall is steep, places on a sample's own facet are at most this far from the sample's relief."""
+
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class FacetGrid:
+    """Samples of a wall's relief, and the facets that each has.
+
+    ``relief_mm`` (n_z, n_theta) at the samples, which are ``dz_mm`` apart, the first at ``first_mm``, and in θ the
+    first at ``first_rad``. Halfway to its neighbours and before, the wall lies between ``least_mm`` and ``most_mm``.
+    The facets of a sample follow each other from ``first`` on. They are its own, and, where the wall passes several
+    levels, one for each from ``lowest`` to ``highest``. All (n_z, n_theta); those of a row follow those of the row
+    before.
+    """
+
+    radius_mm: float
+    dz_mm: float
+    first_mm: float
+    first_rad: float
+    relief_mm: Image
+    least_mm: Image
+    most_mm: Image
+    lowest: Indices
+    highest: Indices
+    first: Indices
+
+    @property
+    def dtheta_rad(self) -> float:
+        """Step of the samples in θ, rad."""
+        return 2 * math.pi / int(self.relief_mm.shape[1])
+
+    def __len__(self) -> int:
+        return int(self.first[-1, -1]) + int(_count(self.lowest[-1, -1], self.highest[-1, -1]))
+
+    def of_rows(self, first: int, stop: int) -> slice:
+        """Return the facets of some rows of samples."""
+        ends = self.first[stop, 0] if stop < self.first.shape[0] else len(self)
+        return slice(int(self.first[first, 0]), int(ends))
+
+    def row(self, z_mm: Image) -> Image:
+        """Return the rows, fractional, of places along the bore."""
+        return np.asarray((z_mm - self.first_mm) / self.dz_mm, dtype=np.float32)
+
+    def column(self, theta_rad: Image) -> Image:
+        """Return the columns, fractional, of angles."""
+        return np.asarray((theta_rad - self.first_rad) / self.dtheta_rad, dtype=np.float32)
+
+    def facets_at(self, sample: NDArray[np.intp], relief_mm: Image) -> Indices:
+        """Return the facets of some samples, indices into the flattened grid, on which the wall has ``relief_mm``."""
+        own, lowest, highest = (one.ravel()[sample] for one in (self.relief_mm, self.lowest, self.highest))
+        aside = 1 + np.clip(level_of(relief_mm), lowest, highest) - lowest
+        flat = (lowest == highest) | (np.abs(relief_mm - own) < FLAT_MM)
+        return np.asarray(self.first.ravel()[sample] + np.where(flat, 0, aside), dtype=np.int32)
+
+
+def facet_grid(wall: WallMaps) -> FacetGrid:
+    """Return where the facets of a wall are."""
+    n_z, n_theta = wall.relief_mm.shape
+    rows = max(1, round(FACET_MM / wall.dz_mm))
+    columns = math.gcd(n_theta, 2 ** max(0, round(math.log2(FACET_MM / (wall.dtheta_rad * wall.radius_mm)))))
+    relief = np.ascontiguousarray(wall.relief_mm[min(rows // 2, n_z - 1) :: rows, columns // 2 :: columns])
+    around = np.stack([relief, *((relief + one) / 2 for one in neighbours(relief))])
+    least, most = around.min(axis=0), around.max(axis=0)
+    lowest, highest = level_of(least), level_of(most)
+    count = _count(lowest, highest).ravel()
+    return FacetGrid(
+        radius_mm=wall.radius_mm,
+        dz_mm=rows * wall.dz_mm,
+        first_mm=min(rows // 2, n_z - 1) * wall.dz_mm,
+        first_rad=(columns // 2) * wall.dtheta_rad,
+        relief_mm=relief,
+        least_mm=least,
+        most_mm=most,
+        lowest=lowest,
+        highest=highest,
+        first=(np.cumsum(count) - count).reshape(relief.shape).astype(np.int32),
+    )
+
+
+def _count(lowest: Indices, highest: Indices) -> Indices:
+    """Return the number of facets of each sample."""
+    return np.asarray(1 + np.where(highest > lowest, highest - lowest + 1, 0), dtype=np.int32)
+
+
+def level_of(relief_mm: Image) -> Indices:
+    """Return the level of each depth below the nominal wall."""
+    return np.asarray(np.maximum(np.rint(relief_mm * np.float32(1 / LEVEL_MM)), 0), dtype=np.int32)
+
+
+def neighbours(relief: Image) -> tuple[Image, Image, Image, Image]:
+    """Return the relief at smaller and larger z, at smaller and larger θ."""
+    wide = np.pad(relief, ((1, 1), (0, 0)), mode="edge")
+    return wide[:-2], wide[2:], np.roll(relief, 1, axis=1), np.roll(relief, -1, axis=1)
+
+
+RAYS = 48
+STEP_MM = 0.03
+OFF_MM = 0.004
+"""A ray starts this far above its facet."""
+LONGEST_STEPS = 120
+"""A ray along the wall is taken to leave the bore after this many steps."""
+RAYS_AT_ONCE = 2**16
+GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
+
+
+def seen_facets(grid: FacetGrid, places: tuple[Image, ...], slopes: tuple[Image, Image]) -> Indices:
+    """Return which facet each of the rays from a facet meets, (n, RAYS), n where it leaves the bore.
+
+    ``places``: z from the mouth, θ and radius of the facets in order, and ``slopes`` of the surface there along z and
+    θ, (n,) each.
+    """
+    (z_mm, theta_rad, radius_mm), (slope_z, slope_theta) = places, slopes
+    n = z_mm.size
+    seen = np.full((n, RAYS), n, np.int32)
+    for part in (slice(first, first + RAYS_AT_ONCE // RAYS) for first in range(0, n, RAYS_AT_ONCE // RAYS)):
+        cos, sin = np.cos(theta_rad[part]), np.sin(theta_rad[part])
+        normal = _unit(-np.ones_like(cos), slope_theta[part], slope_z[part])
+        start = np.stack([radius_mm[part], np.zeros_like(cos), z_mm[part]]) + np.float32(OFF_MM) * normal
+        ways = _turned(_scattered(normal), cos, sin).reshape(3, -1)
+        starts = np.repeat(_turned(start[:, :, None], cos, sin), RAYS, axis=2).reshape(3, -1)
+        ray, facet = _met(grid, starts, ways)
+        seen[part].reshape(-1)[ray] = facet
+    return seen
+
+
+def _unit(first: Image, second: Image, third: Image) -> Image:
+    vectors = np.stack([first, second, third])
+    return np.asarray(vectors / np.sqrt(np.sum(vectors * vectors, axis=0)), dtype=np.float32)
+
+
+def _scattered(normal: Image) -> Image:
+    """Return the directions of the rays by the cosine law, (3, n, RAYS): a spiral over a disc, raised to a half sphere.
+
+    Normals (3, n) are along the radius, around and along the bore.
+    """
+    first = _unit(-normal[2], np.zeros_like(normal[0]), normal[0])
+    second = np.cross(normal, first, axis=0)
+    k = np.arange(RAYS)
+    out, turn = np.sqrt((k + 0.5) / RAYS), k * GOLDEN_RAD
+    parts = (out * np.cos(turn), first), (out * np.sin(turn), second), (np.sqrt(1 - out * out), normal)
+    return np.asarray(sum(weight.astype(np.float32) * axis[:, :, None] for weight, axis in parts), dtype=np.float32)
+
+
+def _turned(vectors: Image, cos: Image, sin: Image) -> Image:
+    """Return vectors (3, n, …), along the radius and around, along x and y."""
+    r, t, z = vectors
+    c, s = cos[:, None], sin[:, None]
+    return np.stack([r * c - t * s, r * s + t * c, z])
+
+
+def _met(grid: FacetGrid, start: Image, way: Image) -> tuple[NDArray[np.intp], Indices]:
+    """Return which of the rays (3, n) meet bone before they leave the bore, and the facets that they meet."""
+    enters, leaves = _innermost(grid, start, way)
+    t = np.where(enters <= 0, leaves, 0).astype(np.float32)
+    before, depth_before = t, np.full_like(t, -1)
+    on, rays, facets = np.arange(t.size), [np.zeros(0, np.intp)], [np.zeros(0, np.int32)]
+    for _ in range(LONGEST_STEPS):
+        x, y, z = start + t * way
+        depth = np.sqrt(x * x + y * y) - np.float32(grid.radius_mm) - _relief(grid, z, _azimuth(x, y))
+        inside = (z >= 0) & (z <= grid.dz_mm * grid.relief_mm.shape[0])
+        met, further = np.flatnonzero((depth >= 0) & inside), np.flatnonzero((depth < 0) & inside)
+        if met.size:
+            share = depth_before[met] / np.minimum(depth_before[met] - depth[met], np.float32(-1e-9))
+            at = before[met] + share * (t[met] - before[met])
+            rays.append(on[met])
+            facets.append(_facet(grid, start.take(met, axis=1) + at * way.take(met, axis=1)))
+        if not further.size:
+            break
+        enters, leaves, depth_before, before = (one.take(further) for one in (enters, leaves, depth, t))
+        on, start, way = on.take(further), start.take(further, axis=1), way.take(further, axis=1)
+        t = before + np.float32(STEP_MM)
+        jumps = (before <= enters) & (t > enters)
+        before, t = np.where(jumps, leaves, before), np.where(jumps, leaves, t)
+    return np.concatenate(rays), np.concatenate(facets)
+
+
+def _innermost(grid: FacetGrid, start: Image, way: Image) -> tuple[Image, Image]:
+    """Return where rays enter and leave the middle of the bore, which holds only air; ∞ where they miss it."""
+    least = np.float32(grid.radius_mm + float(grid.relief_mm.min()))
+    a = np.maximum(way[0] * way[0] + way[1] * way[1], np.float32(1e-9))
+    b = way[0] * start[0] + way[1] * start[1]
+    square = b * b - a * (start[0] * start[0] + start[1] * start[1] - least * least)
+    root = np.sqrt(np.maximum(square, 0))
+    passes = (square > 0) & (b < 0)
+    return np.where(passes, (-b - root) / a, np.float32(np.inf)), (-b + root) / a
+
+
+def _azimuth(x: Image, y: Image) -> Image:
+    """Return the angles of places, to 0.2°: a tenth of a facet."""
+    return np.asarray(cv2.phase(x, y), dtype=np.float32).ravel()
+
+
+def _relief(grid: FacetGrid, z_mm: Image, theta_rad: Image) -> Image:
+    row = np.asarray(np.clip(grid.row(z_mm), 0, grid.relief_mm.shape[0] - 1), dtype=np.float32)
+    return lookup(grid.relief_mm, row, grid.column(theta_rad))
+
+
+def _facet(grid: FacetGrid, places: Image) -> Indices:
+    """Return the facets of places on the wall, (3, n)."""
+    x, y, z_mm = places
+    n_z, n_theta = grid.relief_mm.shape
+    row = np.clip(np.rint(grid.row(z_mm)).astype(np.intp), 0, n_z - 1)
+    sample = row * n_theta + np.mod(np.rint(grid.column(_azimuth(x, y))).astype(np.intp), n_theta)
+    return grid.facets_at(sample, np.sqrt(x * x + y * y) - np.float32(grid.radius_mm))
+
 
 WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)
 """Steps to the neighbours of a sample, in z and in θ."""
@@ -147,125 +342,3 @@ def _albedo(wall: WallMaps, grid: FacetGrid) -> Image:
     """Return the mean albedo about each sample."""
     n_z, n_theta = grid.relief_mm.shape
     return np.asarray(cv2.resize(wall.albedo, (n_theta, n_z), interpolation=cv2.INTER_AREA), dtype=np.float32)
-
-
-EVERY_COLUMN = 2
-"""Columns of the wall's maps to one of the shade's."""
-REACH = 1.2
-"""Bone that may cast a shadow is searched this far along the bore, in mm for each mm of depth. No light comes in at a
-steeper slant."""
-GROWS = 1.1
-"""Distances that are looked at lie one row apart at first, then in this ratio."""
-COLUMNS_AT_ONCE = 64
-
-
-def shade_of(wall: WallMaps) -> Image:
-    """Return the steepest rise of bone towards the bore's axis, mm/mm, float32 (n_z, n_theta/2, 2).
-
-    At smaller z and at larger z of each place; a ray that comes along the bore at dz/dr is blocked where their product
-    is over 1.
-    """
-    relief = np.ascontiguousarray(wall.relief_mm[:, ::EVERY_COLUMN])
-    least, most = wall.relief_range_mm
-    shade = np.zeros((*relief.shape, 2), np.float32)
-    rows = _distances(min(relief.shape[0] - 1, int(REACH * (most - least) / wall.dz_mm)))
-    for first in range(0, relief.shape[1], COLUMNS_AT_ONCE):
-        part = np.ascontiguousarray(relief[:, first : first + COLUMNS_AT_ONCE])
-        before, behind = np.zeros_like(part), np.zeros_like(part)
-        for k in rows:
-            rise = part[k:] - part[:-k]
-            rise *= np.float32(1 / (k * wall.dz_mm))
-            np.maximum(before[k:], rise, out=before[k:])
-            np.maximum(behind[:-k], -rise, out=behind[:-k])
-        shade[:, first : first + COLUMNS_AT_ONCE, 0] = before
-        shade[:, first : first + COLUMNS_AT_ONCE, 1] = behind
-    return shade
-
-
-def _distances(most: int) -> list[int]:
-    rows, at = [], 1.0
-    while at <= most:
-        rows.append(int(at))
-        at = max(at + 1, at * GROWS)
-    return rows
-
-
-BOUNCES = 5
-MOST_ALBEDO = 0.95
-REACH_MM = 2.0
-"""Light is followed this far along the bore beyond the visible band."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bounced:
-    """Irradiance by way of other bone, float32 (levels·rows, columns): level by level, on the facets' grid.
-
-    Rows are those of the grid from ``first_row`` on, ``rows`` of each level.
-    """
-
-    grid: FacetGrid
-    first_row: int
-    rows: int
-    irradiance: Image
-
-    def at(self, z_mm: Image, theta_rad: Image, radius_mm: Image) -> Image:
-        """Return the irradiance of places, z from the mouth, float32 (n,)."""
-        row = np.clip(self.grid.row(z_mm) - self.first_row, 0, self.rows - 1)
-        column = self.grid.column(theta_rad)
-        levels = self.irradiance.shape[0] // self.rows
-        level = np.clip((radius_mm - self.grid.radius_mm) * np.float32(1 / LEVEL_MM), 0, levels - 1)
-        below = np.floor(level)
-        found = lookup(self.irradiance, row + below * self.rows, column)
-        deep = np.flatnonzero(level > below)
-        above = np.minimum(below[deep] + 1, levels - 1)
-        deeper = lookup(self.irradiance, row[deep] + above * self.rows, column[deep])
-        found[deep] += (level - below)[deep] * (deeper - found[deep])
-        return found
-
-
-def bounced(camera: Endoscope, frame_index: int, wall: WallMaps, facets: Facets, shade: Image) -> Bounced:
-    """Return the light of one frame after its reflections from bone to bone."""
-    grid, middle = facets.grid, camera.z_mm[frame_index]
-    reach = REACH_MM + camera.visible_length_mm / 2
-    some = _rows(grid, middle - reach, middle + reach)
-    lit, part = np.zeros(len(grid) + 1, np.float32), grid.of_rows(*some)
-    z_mm, theta_rad = facets.z_mm[part], facets.theta_rad[part]
-    row = np.clip(z_mm / np.float32(wall.dz_mm), 0, wall.relief_mm.shape[0] - 1)
-    before, behind = lookup_all(shade, row, theta_rad / np.float32(wall.dtheta_rad * EVERY_COLUMN))
-    apex_mm = middle - band_centre_mm(camera, wall.radius_mm)
-    at = Places(
-        z_mm=z_mm - np.float32(apex_mm),
-        theta_rad=theta_rad,
-        radius_mm=facets.radius_mm[part],
-        slope_z=facets.slope_z[part],
-        slope_theta=facets.slope_theta[part],
-        shade_before=before,
-        shade_behind=behind,
-    )
-    straight, _ = direct(camera, frame_index, at, wall.radius_mm)
-    albedo = np.minimum(np.float32(camera.bone_albedo) * facets.albedo[part], np.float32(MOST_ALBEDO))
-    seen, indirect = facets.seen[part], np.zeros_like(straight)
-    for _ in range(BOUNCES if camera.bone_albedo else 0):
-        lit[part] = albedo * (straight + indirect)
-        indirect = lit.take(seen).mean(axis=1)
-    lit[part] = indirect
-    near = _rows(grid, middle - camera.visible_length_mm, middle + camera.visible_length_mm)
-    return Bounced(grid, near[0], near[1] - near[0], _by_level(grid, near, lit))
-
-
-def _rows(grid: FacetGrid, low_mm: float, high_mm: float) -> tuple[int, int]:
-    """Return the range of rows between two places, at least one row."""
-    n = grid.relief_mm.shape[0]
-    first = min(max(int((low_mm - grid.first_mm) / grid.dz_mm), 0), n - 1)
-    return first, min(max(int((high_mm - grid.first_mm) / grid.dz_mm) + 1, first + 1), n)
-
-
-def _by_level(grid: FacetGrid, rows: tuple[int, int], values: Image) -> Image:
-    """Return values of facets (n,) level by level; a sample without a facet on a level has that of the nearest."""
-    columns = grid.relief_mm.shape[1]
-    sample, own = np.arange(rows[0] * columns, rows[1] * columns), grid.relief_mm[slice(*rows)].ravel()
-    levels = []
-    for level in range(int(grid.highest[slice(*rows)].max()) + 1):
-        relief = np.where(level_of(own) == level, own, np.float32(level * LEVEL_MM))
-        levels.append(values[grid.facets_at(sample, relief)])
-    return np.concatenate(levels).reshape(-1, columns)

@@ -1,8 +1,8 @@
 """How much light comes back from what the endoscope's pixels see, and at which gain a recording is taken.
 
-Light arrives straight from the source (:mod:`endoct.synthetic.endoscope.direct_light`) and by way of other bone
-(:mod:`endoct.synthetic.endoscope.facets`). Bone sends it on evenly, as a matt surface does. A glossy surface also
-shines where it faces the ray, as source and lens lie together. What all frames of a recording share is worked out once.
+Bone sends on what arrives there (:mod:`endoct.synthetic.endoscope.irradiance`) evenly, as a matt surface does. A glossy
+surface also shines where it faces the ray, as source and lens lie together. What all frames of a recording share is
+worked out once.
 """
 
 from dataclasses import dataclass, replace
@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from endoct.base.arrays import Image, Mask
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.elementary import exp
-from endoct.synthetic.endoscope.direct_light import Places, direct
-from endoct.synthetic.endoscope.facets import EVERY_COLUMN, Bounced, Facets, bounced, facets_of, shade_of
+from endoct.synthetic.endoscope.facets import Facets, facets_of
+from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, Bounced, Places, bounced, direct, shade_of
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, follow, lookup, lookup_all, view, visible
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 

@@ -1,8 +1,9 @@
 """Where the endoscope's pixels look, and where on the wall that ends.
 
-Every pixel of the annulus is one ray: off the cone, turned with the probe into the bore's frame, and followed to
-the first place at which it is behind the wall's relief. float32 throughout: coordinates along the bore count from
-the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands of rows, whose arrays fit a cache.
+Every pixel of the annulus is one ray off the cone. It is turned with the probe into the bore's frame, and followed to
+the first place at which it is behind the wall's relief. Everything is float32. Coordinates along the bore
+count from the frame, so that rounding stays below 1e-6 mm. Frames are worked on in bands of rows, whose arrays fit a
+cache.
 """
 
 import math
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
+from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.endoscope.cone import Rays, band_centre_mm, rays_of
 from endoct.synthetic.sample.parameters import Endoscope
 
@@ -234,8 +235,8 @@ def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> 
 def _march(wall: Visible, rays: Rays) -> Image:
     """Return the t at which each ray passes behind the relief.
 
-    A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over; the place
-    itself then follows from the last two looks by the rule of false position.
+    A step goes as far as the ray stays over one place of the maps, so that no septum is stepped over. The place itself
+    then follows from the last two looks by the rule of false position.
     """
     before = rays.to_radius_mm(wall.radius_mm + wall.least_mm - CLEARANCE_MM)
     around = np.abs(rays.v1) + np.abs(rays.v0) / np.float32(wall.radius_mm)

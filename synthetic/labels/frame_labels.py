@@ -15,8 +15,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import Advance, thread_map
 from endoct.base.zarr.zarr_store import consolidate
 from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, write_png
-from endoct.synthetic.labels.frame_store import create
-from endoct.synthetic.labels.pullback import Pullback
+from endoct.synthetic.labels.pullback_labels import Pullback, create
 from endoct.synthetic.model import Model
 
 SAME_PLACE_MM = 0.05
@@ -81,7 +80,7 @@ def write_endoscope_labels(
     """Write ``endoscope.zarr`` and the noise-free twins ``endoscope_clean/frame_0000.png`` ….
 
     Return for every A-scan frame, row and column of the pixel that sees the same place, int32 (3, slice, A-scan), −1
-    for none; and how many pixels see each cell, (n_cells + 1,).
+    for none. The second value is how many pixels see each cell, (n_cells + 1,).
     """
     sample, wall, camera = model.sample, model.wall, model.sample.endoscope
     n_frames = len(camera.z_mm)

@@ -1,24 +1,84 @@
-"""Labels of the pullback: layers, artefacts, noise-free twins, and the pixels that saw the same.
+"""Labels of the pullback: what every A-scan meets, layers, artefacts, noise-free twins, and pixels that saw the same.
 
 Artefacts are what a B-scan shows besides bone: lines of the instrument and of the detector, and their ghosts.
 """
 
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import tifffile
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import Advance, thread_map
-from endoct.base.zarr.zarr_store import consolidate
-from endoct.synthetic.labels.frame_store import create
-from endoct.synthetic.labels.pullback import Pullback
+from endoct.base.zarr.zarr_store import consolidate, new_array, write_arrays
 from endoct.synthetic.model import Model
-from endoct.synthetic.oct.bscan import artificial, noise_free
-from endoct.synthetic.oct.reflectors import N_FACES, N_GHOSTS
+from endoct.synthetic.oct.beams import Echoes
+from endoct.synthetic.oct.bscan import artificial, ascan_echoes, noise_free
+from endoct.synthetic.oct.scattered_field import N_FACES, N_GHOSTS
 from endoct.synthetic.oct.spectrometer import spectrometer
+from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
+
+
+@dataclass(frozen=True, eq=False)
+class Pullback:
+    """Arrays (slice, A-scan) in the order recorded; float32 unless said otherwise, NaN where there is no such thing.
+
+    ``theta_rad``, ``z_mm``, ``radius_mm``: where the beam meets the first solid surface, in the bore frame. Where it
+    meets none, θ and z are those of the beam. The rows are depth samples, fractional, and may lie beyond the last one
+    recorded. ``inner_face_row``, ``outer_face_row``: of the capillary's faces; ``fluid_row``: of a fluid's surface;
+    ``surface_row``: of the first solid surface. ``exit_row``, ``reentry_row``: where the beam leaves a thin septum, and
+    meets bone again. ``cell_id`` int32: 1 + index of the cell the surface belongs to, 0 on the
+    bore's own wall. ``dust``: that surface is bone dust. ``shadow_db``: light lost to dirt on the capillary.
+    """
+
+    theta_rad: Image
+    z_mm: Image
+    radius_mm: Image
+    inner_face_row: Image
+    outer_face_row: Image
+    fluid_row: Image
+    surface_row: Image
+    exit_row: Image
+    reentry_row: Image
+    cell_id: NDArray[np.int32]
+    dust: Mask
+    shadow_db: Image
+
+
+def look_along(model: Model, workers: int) -> Pullback:
+    """Return what all A-scans meet, also those between the columns that the renderer traces."""
+    sample = model.sample
+    slices = thread_map(lambda i: ascan_echoes(sample, model.wall, i), range(PRESETS[sample.preset].n_slices), workers)
+    parts = [_of_slice(sample, echoes) for echoes in slices]
+    return Pullback(
+        **{field.name: np.stack([getattr(part, field.name) for part in parts]) for field in fields(Pullback)}
+    )
+
+
+def _of_slice(sample: Sample, echoes: Echoes) -> Pullback:
+    def row(path_mm: Coordinates) -> Image:
+        return ((path_mm - sample.oct.first_sample_mm) / sample.oct.axial_pixel_mm).astype(np.float32)
+
+    return Pullback(
+        theta_rad=echoes.wall_theta_rad.astype(np.float32),
+        z_mm=echoes.wall_z_mm.astype(np.float32),
+        radius_mm=echoes.wall_radius_mm.astype(np.float32),
+        inner_face_row=row(echoes.inner_path_mm),
+        outer_face_row=row(echoes.outer_path_mm),
+        fluid_row=row(echoes.fluid_path_mm),
+        surface_row=row(echoes.wall_path_mm),
+        exit_row=row(echoes.exit_path_mm),
+        reentry_row=row(echoes.reentry_path_mm),
+        cell_id=echoes.cell.astype(np.int32),
+        dust=echoes.dust,
+        shadow_db=echoes.shadow_db.astype(np.float32),
+    )
+
 
 FLAGS = (
     "1 capillary face or its ghost",
@@ -124,3 +184,26 @@ def write_oct_labels(
             arrays["artefact"][i] = flags
             advance((i + 1) / size.n_slices)
     consolidate(folder / "oct.zarr")
+
+
+Described = Mapping[str, tuple[tuple[str, ...], str, str]]
+"""Name → (dims, dtype, what it is)."""
+
+
+class Writable(Protocol):
+    """An array on disk."""
+
+    def __setitem__(self, index: int | slice, values: NDArray[np.generic], /) -> None: ...
+
+
+def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mapping[str, object]) -> dict[str, Writable]:
+    """Create a store and return its empty arrays by name, one frame a chunk; consolidate it once they are filled."""
+    group = write_arrays(path, {}, attrs)
+    made: dict[str, Writable] = {}
+    for name, (dims, dtype, about) in arrays.items():
+        shape = tuple(sizes[dim] for dim in dims)
+        made[name] = new_array(
+            group, name, shape, dtype, dims, chunks=(1, *shape[1:]), attributes={"long_name": about},
+            fill_value=float("nan") if dtype.startswith("f") else 0,
+        )  # fmt: skip
+    return made

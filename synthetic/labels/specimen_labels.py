@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from endoct.base.compute.parallel import Advance
 from endoct.base.numeric.circle import mean_angle_rad
 from endoct.synthetic.labels.frame_labels import write_endoscope_labels
-from endoct.synthetic.labels.pullback import Pullback, look_along
-from endoct.synthetic.labels.pullback_labels import write_oct_labels
+from endoct.synthetic.labels.pullback_labels import Pullback, look_along, write_oct_labels
 from endoct.synthetic.model import Model
 from endoct.synthetic.sample.presets import PRESETS
 

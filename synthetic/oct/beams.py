@@ -2,8 +2,8 @@
 
 Everything is in the bore frame: x = r cos θ, y = r sin θ, z along the bore. The capillary's axis departs from the
 bore's with ``tilt_rad``; the catheter lies at e from the capillary's axis, and a beam leaves it at α. Both
-faces of the glass bend it. A round wall keeps n·r·sin(incidence) constant along a ray (Bouguer), so with e·sin(α − β)
-as that constant, β the direction of e, every angle and length has a closed form.
+faces of the glass bend it. A round wall keeps n·r·sin(incidence) constant along a ray (Bouguer). That constant is
+e·sin(α − β), β the direction of e. So every angle and length has a closed form.
 
 Along its optical path a beam is Gaussian: narrowest at its focus, wider and weaker away from it. Light passes the spot
 twice, and its full width at half maximum is ``lateral_resolution_mm`` at the focus. The beam's own waist is therefore
@@ -24,7 +24,8 @@ from endoct.synthetic.sample.parameters import Bore, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 
 FLUID_INDEX = 1.33
-BONE_INDEX = 1.55  # cortical bone near 1300 nm
+BONE_INDEX = 1.55
+"""Refractive index of cortical bone near 1300 nm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +248,8 @@ def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinat
     return loss
 
 
-FWHM = 2 * math.sqrt(2 * math.log(2))  # of a Gaussian, in sigmas
+FWHM = 2 * math.sqrt(2 * math.log(2))
+"""Full width at half maximum of a Gaussian, over its σ."""
 
 
 def rayleigh_mm(oct_: Oct) -> float:
@@ -271,7 +273,7 @@ def coupling(oct_: Oct, path_mm: Coordinates) -> Coordinates:
     """Return the share of the intensity that finds its way back from a diffuse wall at ``path_mm``, 1 from the focus.
 
     All of the light falls on the wall wherever that is. What comes back into the fibre falls off as the beam's own
-    intensity on its axis, but with an apparent Rayleigh length: twice the beam's by van Leeuwen et al. (2003).
+    intensity on its axis, but with an apparent Rayleigh length. By van Leeuwen et al. (2003) that is twice the beam's.
     """
     apart = (path_mm - oct_.focus_mm) / (oct_.diffuse_rayleigh * rayleigh_mm(oct_))
     share: Coordinates = 1 / (1 + apart**2)

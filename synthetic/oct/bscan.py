@@ -33,7 +33,8 @@ from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator
 
-FINER = 4  # samples of the field between two of the spectrum, to be read between them
+FINER = 4
+"""The field is worked out at so many places a sample of the spectrum, to be read between them."""
 
 
 def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
@@ -46,8 +47,8 @@ def render_bscans(
 ) -> Iterator[NDArray[np.uint8]]:
     """Yield several slices, u8 (depth, A-scan), the same as one by one, in less time."""
     for slice_ in _slices(sample, wall, appearance, slices):
-        m = np.arange(slice_.one.window.size, dtype=np.float64)
-        yield reconstruct(sample.oct, slice_.one, slice_.recorded(m, slice_.at_even_samples()))
+        m = np.arange(slice_.spectrometer.window.size, dtype=np.float64)
+        yield reconstruct(sample.oct, slice_.spectrometer, slice_.recorded(m, slice_.at_even_samples()))
 
 
 def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint16]:
@@ -57,7 +58,7 @@ def spectra(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
     noise falls on it as on that sample of :func:`render_bscan`.
     """
     slice_ = next(_slices(sample, wall, appearance, [slice_index]))
-    m = chirp(slice_.one.window.size)
+    m = chirp(slice_.spectrometer.window.size)
     return slice_.recorded(m, slice_.at(m))
 
 
@@ -69,16 +70,17 @@ def offset(sample: Sample) -> Coordinates:
 def noise_free(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
     """Return :func:`render_bscan` without what the detector adds, u8 (depth, A-scan).
 
-    Speckle, sheath, faces, mirror image and roll-off are the same; off are its noise, rounding and clipping, its
-    fixed line, the autocorrelation and the loss of what does not change from A-scan to A-scan.
+    Speckle, sheath, faces, mirror image and roll-off are the same. Left out are its noise, rounding and clipping, its
+    fixed line, and the autocorrelation. What does not change from A-scan to A-scan is not lost.
     """
     slice_ = next(_slices(sample, wall, appearance, [slice_index]))
-    reference = slice_.one.reference(np.arange(slice_.one.window.size, dtype=np.float64)).astype(np.float32)
+    instrument = slice_.spectrometer
+    reference = instrument.reference(np.arange(instrument.window.size, dtype=np.float64)).astype(np.float32)
     linear = np.empty((slice_.n_columns, reference.size), np.float32)
     for columns, field in slice_.light.field(0, 1, reference.size, with_line=False):
         np.multiply(field.real, 2 * reference, out=linear[columns])
     ascans = np.concatenate([block for _, block in slice_.interpolated(linear)])
-    return logarithmic(sample.oct, slice_.one, ascans, np.zeros(reference.size, np.float32))
+    return logarithmic(sample.oct, instrument, ascans, np.zeros(reference.size, np.float32))
 
 
 def _dark(sample: Sample) -> Coordinates:
@@ -89,7 +91,7 @@ def _dark(sample: Sample) -> Coordinates:
 def artificial(
     sample: Sample, wall: Wall, appearance: Appearance, slice_index: int
 ) -> tuple[Scattered, NDArray[np.intp], Mask]:
-    """Return what a slice returns, for every recorded A-scan the column of it, and whether the detector clipped it."""
+    """Return what a slice scatters, and of every recorded A-scan its column and whether the detector clipped it."""
     slice_ = next(_slices(sample, wall, appearance, [slice_index]))
     column = slice_.margin + slice_.position // slice_.every
     brightest = slice_.at_even_samples().max(axis=1) + float(_dark(sample).max())
@@ -101,7 +103,7 @@ class _Slice:
     """One slice being rendered. Columns lie ``every`` A-scans apart, the first ``margin`` of them before A-scan 0."""
 
     sample: Sample
-    one: Spectrometer
+    spectrometer: Spectrometer
     light: Scattered
     rng: Generator
     position: NDArray[np.intp]
@@ -113,16 +115,16 @@ class _Slice:
         return int(self.light.bone.shape[0])
 
     def at_even_samples(self) -> Image:
-        n = self.one.window.size
+        n = self.spectrometer.window.size
         m = np.arange(n, dtype=np.float64)
         mean = np.empty((self.n_columns, n), np.float32)
         for columns, field in self.light.field(0, 1, n, with_line=True):
-            mean[columns] = counts(self.one, m, field)
+            mean[columns] = counts(self.spectrometer, m, field)
         return mean
 
     def at(self, m: Coordinates) -> Image:
         """Return mean counts at any samples −0.5 < m < n − 0.5, by cubic interpolation between finer ones."""
-        n = self.one.window.size
+        n = self.spectrometer.window.size
         finer = (m + 1) * FINER
         whole = np.floor(finer).astype(np.intp)
         part = (finer - whole).astype(np.float32)
@@ -135,7 +137,7 @@ class _Slice:
         mean = np.empty((self.n_columns, n), np.float32)
         for columns, field in self.light.field(-1, FINER, (n + 2) * FINER, with_line=True):
             read = sum(field[:, whole + k - 1] * weight for k, weight in enumerate(weights))
-            mean[columns] = counts(self.one, m, np.asarray(read, dtype=np.complex64))
+            mean[columns] = counts(self.spectrometer, m, np.asarray(read, dtype=np.complex64))
         return mean
 
     def interpolated(self, columns: Image) -> Iterator[tuple[NDArray[np.intp], Image]]:
@@ -159,7 +161,7 @@ class _Slice:
         dark = _dark(self.sample)
         ascans = np.empty((self.position.size, m.size), np.uint16)
         for recorded, block in self.interpolated(mean):
-            ascans[recorded] = digitised(self.rng, self.one, m, block, dark)
+            ascans[recorded] = digitised(self.rng, self.spectrometer, m, block, dark)
         return ascans
 
 

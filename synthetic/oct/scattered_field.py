@@ -1,7 +1,9 @@
 """The complex field that comes back to the spectrometer: from bone, and from everything thin.
 
-Bone returns fully developed speckle: the scatterers of its lattice, weakened with depth and summed across the beam.
-Arrays are (column, sample).
+Bone returns the speckle of :mod:`endoct.synthetic.oct.scatterers`. Thin are the capillary's faces and their ghosts,
+the lines of the sheath, glints, and a fluid's surface. Each lies at its exact path, and returns light of a level in dB.
+The sheath's polymer is bands of speckle behind these lines, which fade in and out around the turn. Arrays are (column,
+sample).
 """
 
 import math
@@ -9,29 +11,31 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import fft, sparse
 
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.oct.beams import BONE_INDEX, Echoes, coupling, spot_sigma_mm
-from endoct.synthetic.oct.reflectors import add_sheath, reflectors
-from endoct.synthetic.oct.scatterers import Lattice, Nodes, along_beams, lattice, nodes, unwrapped_rad
+from endoct.synthetic.oct.beams import spot_sigma_mm
+from endoct.synthetic.oct.scatterers import speckle
 from endoct.synthetic.oct.spectrometer import centred, roll_off
 from endoct.synthetic.oct.sweep import REACH, Sweep, around
-from endoct.synthetic.sample.parameters import Oct
-from endoct.synthetic.sample.randomness import Stage, generator
+from endoct.synthetic.sample.randomness import Stage, bell, generator
 
 Field = NDArray[np.complex64]
-COLUMNS = 128  # worked on at a time
-STRIDE = 32  # samples of a spectrum that follow from one phasor
-# the phase of reflectors wanders as fast as columns can follow, as a stand-in for the carrier: so the mean over
-# A-scans holds next to nothing of them
+COLUMNS = 128
+"""So many columns are worked on at a time."""
+STRIDE = 32
+"""So many samples of a spectrum follow from one phasor."""
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
-# the detector's line has a weaker companion; real ones are some ten rows wide
+"""The phase of reflectors wanders by this over this part of a turn, as fast as columns can follow.
+
+It stands in for the carrier: so the mean over A-scans holds next to nothing of them.
+"""
 LINES = ((0.0, 0.0), (6.0, -9.0))
-LINE = 1000  # its stream of phases, beyond those of reflectors
+"""Rows and dB from the detector's line: it has a weaker companion. Real ones are some ten rows wide."""
+LINE = 1000
+"""The stream of the line's phases, beyond those of reflectors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,104 +123,128 @@ def _powers(wave: NDArray[np.complex128], n: int) -> Field:
     return powers
 
 
-NODES = 128  # worked on at a time
-NEGLIGIBLE_DB = -20.0  # what bone returns below this is left out
-TABLE_PER_PX = 32
+FLUID_DB = -2.4
+"""A fluid's surface returns 2 % of the light, against 3.5 % of glass (Fresnel)."""
+NO_GLINT_DB = -20.0
+"""A specular spot is one brighter than this."""
+INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3
+"""Streams of the levels of both faces, of the catheter's exit, and of the sheath's first line."""
+N_FACES, N_GHOSTS = 2, 3
 
 
-def speckle(sweep: Sweep) -> NDArray[np.complex64]:
-    """Return the scatterers that every column's beam gathers, complex64 (column, n), of relative amplitude."""
-    oct_, one, echoes = sweep.oct_, sweep.spectrometer, sweep.echoes
-    n, pixel = one.window.size, oct_.axial_pixel_mm
-    bone = np.zeros((sweep.turn.n, n), np.complex64)
-    if not np.any(np.isfinite(echoes.wall_path_mm)):
-        return bone
-    places = lattice(sweep.bore_seed, sweep.radius_mm, oct_)
-    passed = nodes(sweep, places)
-    near, dust = passed.near, echoes.dust[passed.near]
-    level_db = oct_.wall_db + sweep.wall_db[near] + oct_.dust_db * dust - echoes.shadow_db[near]
-    # a steep wall returns little
-    level = 10 ** (level_db / 10) * (0.06 + 0.94 * np.nan_to_num(echoes.wall_cosine[near]) ** 1.5)
-    level *= coupling(oct_, np.nan_to_num(passed.path_mm))
-    layer = places.roughness(round(float(np.mean(passed.z_mm)) / places.layer_mm))
-    rough_mm = np.where(dust, oct_.dust_roughness_mm * layer[np.mod(passed.number, places.n_nodes)], 0)
-    entry_px = (passed.path_mm + rough_mm - oct_.first_sample_mm) / pixel
-    first = int(np.clip(np.nanmin(entry_px) - 1, 0, n - 1))
-    last = _negligible_from(oct_, float(level.max()), first, n)
+def reflectors(sweep: Sweep) -> tuple[list[Coordinates], list[Coordinates]]:
+    """Return optical path, mm, and level in dB, before roll-off, of everything thin; each a value a column.
 
-    # all nodes show one profile, shifted: they are windows of it, tabulated for every 1/32 pixel of shift, and
-    # everything twice in a row, for the real and the imaginary part
-    bins = np.arange(first, last)
-    below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
-    table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32).reshape(-1, TABLE_PER_PX).T
-    above, beyond_table = np.zeros((TABLE_PER_PX, bins.size), np.float32), np.repeat(table[:, -1:], bins.size, axis=1)
-    table = np.repeat(np.concatenate([above, table, beyond_table], axis=1), 2, axis=1)
-    place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry_px, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
-    start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
-    windows = sliding_window_view(table, 2 * bins.size, axis=1)
-    # as many rings as an axial pixel holds add up in it
-    rings = pixel / BONE_INDEX / places.ring_mm
-    gain = np.sqrt(0.5 * rings * one.bone_unit2 * level).astype(np.float32)[:, None]
-    rolled = np.repeat(roll_off(oct_, bins.astype(np.float64), n) * centred(bins), 2).astype(np.float32)
-    amplitude = along_beams(sweep, places, passed, bins).reshape(near.size, -1)
-    for a_block in range(0, near.size, NODES):
-        some = slice(a_block, min(near.size, a_block + NODES))
-        part = windows[place[some] % TABLE_PER_PX, 2 * start[some]]
-        for node in np.flatnonzero(np.isfinite(echoes.exit_path_mm[near[some]])) + a_block:
-            part[node - a_block] = np.repeat(_beyond_septum(oct_, echoes, int(near[node]), entry_px[node], bins), 2)
-        part *= gain[some]
-        part *= rolled
-        amplitude[some] *= part
-    bone[:, first:last] = (_spots(sweep, places, passed) @ amplitude).view(np.complex64)
-    return bone
+    First both faces, the sheath's lines and the catheter's exit, then the ghosts, glints and a fluid's surface.
+    """
+    oct_, echoes, turn = sweep.oct_, sweep.echoes, sweep.turn
+    light_db = -echoes.shadow_db
 
+    def course(stream: int, rms_db: float, sigma_turns: float) -> Coordinates:
+        rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, stream)
+        return rms_db * around(rng, turn, sigma_turns)
 
-def _spots(sweep: Sweep, places: Lattice, passed: Nodes) -> sparse.csr_array:
-    """Return how much of every node's light each column gathers, (column, node): a Gaussian of unit power."""
-    echoes, theta = sweep.echoes, unwrapped_rad(sweep)
-    path_mm = np.where(np.isfinite(echoes.wall_path_mm), echoes.wall_path_mm, np.nanmedian(echoes.wall_path_mm))
-    sigma_mm = spot_sigma_mm(sweep.oct_, path_mm)
-    # across the beam, where the wall is: beams diverge as they turn
-    diverging = 1 + np.gradient(echoes.slant_rad, theta)
-    mm_per_rad = sweep.radius_mm * np.cos(echoes.slant_rad) + np.nan_to_num(echoes.beyond_mm) * diverging
-    at = theta / places.node_rad - passed.number[0]
-    half = math.ceil(float(np.max(REACH * sigma_mm / (mm_per_rad * places.node_rad))))
-    node = np.rint(at).astype(np.intp)[:, None] + np.arange(-half, half + 1)
-    apart = (node - at[:, None]) * (places.node_rad * mm_per_rad / sigma_mm)[:, None]
-    known = (node >= 0) & (node < passed.number.size)
-    weight = np.where(known & (np.abs(apart) <= REACH), np.exp(-0.5 * apart**2), 0)
-    weight /= np.sqrt(np.sum(weight**2, axis=1, keepdims=True))
-    n_columns, n_taps = node.shape
-    ends = n_taps * np.arange(n_columns + 1)
-    chosen = np.clip(node, 0, passed.number.size - 1).ravel()
-    shape = n_columns, passed.number.size
-    return sparse.csr_array((weight.astype(np.float32).ravel(), chosen, ends), shape=shape)
+    def glossy(incidence_rad: Coordinates) -> Coordinates:
+        return np.maximum(-8.7 * (incidence_rad / oct_.glint_rad) ** 2, oct_.matt_db)
 
+    # a beam that leans along the bore meets no face squarely
+    lean_rad = np.real(sweep.lean * np.exp(-1j * echoes.alpha_rad))
 
-def _beyond_septum(oct_: Oct, echoes: Echoes, column: int, entry_px: float, bins: NDArray[np.intp]) -> Coordinates:
-    """Return the amplitude from axial pixels ``bins`` of a beam that leaves bone and may meet it again."""
-    ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
-    out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / oct_.axial_pixel_mm
-    inside, beyond = bins - entry_px, np.minimum(bins, back) - out
-    gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
-    share = np.clip(inside + 0.5, 0, 1)
-    left: Coordinates = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
-    return left
+    def square_db(incidence_rad: Coordinates) -> Coordinates:
+        flare: Coordinates = oct_.flare_db * np.exp(-(incidence_rad**2 + lean_rad**2) / oct_.flare_rad**2)
+        return flare
 
-
-def _profile(oct_: Oct, below_px: Coordinates, share: Coordinates) -> Coordinates:
-    """Return the intensity from axial pixels with ``below_px`` of bone above them, a ``share`` of them bone."""
-    depth_mm = np.maximum(below_px, 0) * oct_.axial_pixel_mm / BONE_INDEX
-    tail = 10 ** (oct_.tail_db / 10)
-    profile: Coordinates = (1 - tail) * np.exp(-depth_mm / oct_.attenuation_mm) + tail * np.exp(
-        -depth_mm / oct_.tail_mm
+    faces = (
+        (echoes.inner_path_mm, echoes.inner_incidence_rad, oct_.inner_face_db, INNER),
+        (echoes.outer_path_mm, echoes.outer_incidence_rad, oct_.outer_face_db, OUTER),
     )
-    return share * profile
+    paths, levels, ghosts = [], [], []
+    glass_mm = echoes.outer_path_mm - echoes.inner_path_mm
+    outermost_mm = max((sheath.radius_mm for sheath in oct_.sheath), default=0.0)
+    for path, incidence, level, stream in faces:
+        own_db = level + course(stream, 2.0, 0.05)
+        paths.append(path)
+        levels.append(own_db + glossy(incidence) + square_db(incidence))
+        # twice to the face and back, turned around by the sheath: it must be met squarely twice
+        again_db = own_db + oct_.double_pass_db + glossy(2 * incidence) + square_db(incidence)
+        ghosts.append((2 * path - outermost_mm, again_db))
+        if stream == OUTER:
+            thrice_db = own_db + oct_.ghost_db + glossy(3 * incidence) + square_db(incidence)
+            ghosts.append((path + glass_mm, thrice_db))
+    for k, sheath in enumerate(oct_.sheath):
+        paths.append(sheath_path_mm(sweep, k))
+        levels.append(sheath.level_db + fading_db(sweep, k))
+    paths.append(np.zeros(turn.n))
+    levels.append(oct_.catheter_face_db + course(EXIT, 1.0, 0.08))
+
+    for path, level_db in ghosts:
+        paths.append(path)
+        levels.append(level_db)
+    paths.append(echoes.wall_path_mm)
+    levels.append(np.where(sweep.glint_db > NO_GLINT_DB, sweep.glint_db + light_db, -np.inf))
+    if np.any(np.isfinite(echoes.fluid_path_mm)):
+        paths.append(echoes.fluid_path_mm)
+        levels.append(oct_.outer_face_db + FLUID_DB + glossy(np.arccos(echoes.fluid_cosine)) + light_db)
+    return paths, levels
 
 
-def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
-    """Return the axial pixel from which bone that begins at ``first`` cannot be seen, not even folded back."""
-    bins = np.arange(first, n, dtype=np.float64)
-    left = _profile(oct_, bins - first, np.ones_like(bins))
-    bright = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
-    return first + (int(bright[-1]) + 1 if bright.size else 1)
+def sheath_path_mm(sweep: Sweep, line: int) -> Coordinates:
+    """Return the path to one of the sheath's lines, at every column."""
+    sheath = sweep.oct_.sheath[line]
+    path: Coordinates = sheath.radius_mm + sheath.wobble_mm * np.sin(sweep.echoes.alpha_rad + sheath.phase_rad)
+    return path
+
+
+def fading_db(sweep: Sweep, line: int) -> Coordinates:
+    """Return by how much a line of the sheath, and the polymer behind it, fade around the turn, dB; ≤ 0 in the mean."""
+    rng = generator(sweep.seed, Stage.LEVELS, sweep.slice_index, SHEATH + line)
+    course = around(rng, sweep.turn, 0.08)
+    fading: Coordinates = sweep.oct_.sheath_fade_db * np.minimum(course, 0.3)
+    return fading
+
+
+N_NODES = 512
+"""So many nodes lie around the sheath, closer than the spot is wide out of its focus."""
+SOFT_PX = 1.5
+"""A band begins and ends over this."""
+MOST_PX = 64
+"""Scatterers of a band are drawn for so many axial pixels, whatever its thickness."""
+
+
+def add_sheath(sweep: Sweep, field: NDArray[np.complex64]) -> None:
+    """Add what the sheath scatters to the scatterers ``field`` (column, n), in place."""
+    oct_, n = sweep.oct_, field.shape[1]
+    pixel, alpha = oct_.axial_pixel_mm, sweep.echoes.alpha_rad
+    for line, sheath in enumerate(oct_.sheath):
+        depth_px = min(MOST_PX - 8, sheath.thickness_mm / pixel)
+        begin_px = (sheath_path_mm(sweep, line) - oct_.first_sample_mm) / pixel
+        sigma = float(spot_sigma_mm(oct_, np.array([sheath.radius_mm]))[0]) / sheath.radius_mm / (2 * math.pi / N_NODES)
+        rng = generator(sweep.seed, Stage.SHEATH, sweep.slice_index, line)
+        n_px = 2 * math.ceil(depth_px / 2) + 6
+        scatterers = bell(rng, N_NODES * 2 * MOST_PX).reshape(N_NODES, 2 * MOST_PX)[:, : 2 * n_px]
+        band = (_around(alpha, sigma) @ scatterers).view(np.complex64)
+        # a few pixels early, and as many late; and moved by the part of a pixel that the sheath is off them
+        first = np.floor(begin_px).astype(np.intp) - 2
+        off = np.exp(-2j * np.pi * np.outer(begin_px - np.floor(begin_px), fft.fftfreq(n_px)))
+        band = fft.ifft(fft.fft(band, axis=1) * off.astype(np.complex64), axis=1)
+        bins = first[:, None] + np.arange(n_px)
+        into, left = bins - begin_px[:, None], begin_px[:, None] + depth_px - bins
+        share = np.clip(into / SOFT_PX + 0.5, 0, 1) * np.clip(left / SOFT_PX + 0.5, 0, 1)
+        level = 10 ** ((sheath.band_db + fading_db(sweep, line)) / 10)
+        amplitude = np.sqrt(0.5 * sweep.spectrometer.bone_unit2 * level[:, None] * share)
+        amplitude = amplitude * roll_off(oct_, bins.astype(np.float64), n) * centred(bins)
+        column, k = np.nonzero((share > 0) & (np.abs(bins) < n // 2))
+        field[column, bins[column, k] % n] += (band * amplitude.astype(np.float32))[column, k]
+
+
+def _around(alpha_rad: NDArray[np.float64], sigma: float) -> sparse.csr_array:
+    """Return how much of every node around the sheath each column gathers: a Gaussian of unit power."""
+    at = np.mod(alpha_rad, 2 * np.pi) * (N_NODES / (2 * np.pi))
+    half = min(N_NODES // 2 - 1, math.ceil(REACH * sigma))
+    node = np.rint(at).astype(np.intp)[:, None] + np.arange(-half, half + 1)
+    weight = np.exp(-0.5 * ((node - at[:, None]) / sigma) ** 2)
+    weight /= np.sqrt(np.sum(weight**2, axis=1, keepdims=True))
+    ends = node.shape[1] * np.arange(len(at) + 1)
+    return sparse.csr_array(
+        (weight.astype(np.float32).ravel(), np.mod(node, N_NODES).ravel(), ends), shape=(len(at), N_NODES)
+    )

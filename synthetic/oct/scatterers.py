@@ -1,12 +1,13 @@
-"""The scatterers of the bone: their lattice, and those that the beams of one turn light.
+"""The scatterers of the bone: their lattice, those that the beams of one turn light, and the speckle they return.
 
 A scatterer is a complex, circular Gaussian number for a place of the lattice. A place is a layer across the bore
 (z), a node around it (θ) and a ring (r). Its number follows from the bore's seed and from where it is, whatever is
 recorded of it, how often and with which instrument.
 
 A node stands for the beam that crosses the bore's nominal radius at that node of the lattice. How far a scatterer
-is from the catheter does not depend on where the beam points. So a node's path, surface and phase are one and the
-same for all columns that see it, and a column is a sum over nodes. This is before they are summed across the beam.
+is from the catheter does not depend on where the beam points. So a node's path, surface and phase are the same for all
+columns that see it, and a column is a sum over nodes. The speckle is fully developed: scatterers are weakened with
+depth and summed across the beam.
 """
 
 import math
@@ -15,22 +16,27 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy import sparse
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.density import BoneDensity
 from endoct.synthetic.elementary import Numbers
-from endoct.synthetic.oct.beams import BONE_INDEX, FWHM, spot_sigma_mm
+from endoct.synthetic.oct.beams import BONE_INDEX, FWHM, Echoes, coupling, spot_sigma_mm
+from endoct.synthetic.oct.spectrometer import centred, roll_off
 from endoct.synthetic.oct.sweep import REACH, Sweep
 from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import Stage, bells, generator
 
-# spacings of the lattice: that of layers is a standard deviation of the narrowest usual spot, that of nodes less, as
-# rims of cells lie on nodes; that of rings just less than an axial pixel in bone
 LAYER_MM = 0.012
+"""Layers are a standard deviation of the narrowest usual spot apart."""
 NODE_MM = 0.008
+"""Nodes are closer than layers, as rims of cells lie on nodes."""
 RING_MM = 0.003
-FIRST_LAYER = 2**16  # layers before the mouth are counted too
+"""Rings are just less than an axial pixel in bone apart."""
+FIRST_LAYER = 2**16
+"""The layer at the mouth has this number: layers before it are counted too."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +80,12 @@ def lattice(seed: int, radius_mm: float, oct_: Oct) -> Lattice:
     return Lattice(seed, n_nodes * across, LAYER_MM / across, RING_MM / deep)
 
 
-ONE_SURFACE_MM = 0.02  # between neighbouring columns: more is a step from one surface to another
-DENSITY_BINS = 16  # axial pixels for which density is looked up once: 0.05 mm of bone
-MARGIN_RINGS = 3  # for the interpolation between rings
+ONE_SURFACE_MM = 0.02
+"""A surface changes by less than this between neighbouring columns: more is a step to another surface."""
+DENSITY_BINS = 16
+"""Density is looked up once for so many axial pixels: 0.05 mm of bone."""
+MARGIN_RINGS = 3
+"""Interpolation between rings reads so many beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +138,7 @@ def nodes(sweep: Sweep, places: Lattice) -> Nodes:
 
 
 def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coordinates]:
-    """Return the columns at which the catheter reached a new farthest place."""
+    """Return θ and number of the columns at which the catheter had turned farther than before."""
     new = np.flatnonzero(theta >= np.maximum.accumulate(theta))
     return theta[new], columns[new]
 
@@ -169,7 +178,7 @@ def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.i
 
 
 def _amplitude(density: BoneDensity, places: Lattice, passed: Nodes, outward: Numbers, aside: Numbers) -> Image:
-    """Return the rms of scatterers where the bone is as dense as it is, float32 (node, bin): there are as many more.
+    """Return the rms of scatterers, float32 (node, bin): denser bone has as many more.
 
     Their places are ``outward`` and ``aside`` (node, bin) of every node's radius.
     """
@@ -194,8 +203,8 @@ def _sigma_across_mm(sweep: Sweep) -> float:
 def _carrier(sweep: Sweep, places: Lattice, number: NDArray[np.intp]) -> NDArray[np.complex64]:
     """Return exp(2i·k₀·path) at every node of the nominal wall: how its scatterers add up from where the catheter is.
 
-    What is common to all scatterers in a spot shows in no magnitude; how their phases differ across it does, and that
-    the path over the nominal wall says, as a distance in air.
+    What is common to all scatterers in a spot shows in no magnitude, but how their phases differ across it does. That
+    follows from the path over the nominal wall, as a distance in air.
     """
     wall = sweep.radius_mm * np.exp(1j * places.node_rad * number)
     path_mm = np.abs(wall - sweep.catheter_mm)
@@ -222,3 +231,109 @@ def _across_layers(
             if np.any(share[part]):
                 total[:, part] += layer[:, at : at + 2 * (end - begin)] * share[part]
     return total.view(np.complex64)
+
+
+NODES = 128
+"""So many nodes are worked on at a time."""
+NEGLIGIBLE_DB = -20.0
+"""What bone returns below this is left out."""
+TABLE_PER_PX = 32
+"""The profile of bone over depth is tabulated for so many shifts of an axial pixel."""
+
+
+def speckle(sweep: Sweep) -> NDArray[np.complex64]:
+    """Return the scatterers that every column's beam gathers, complex64 (column, n), of relative amplitude."""
+    oct_, one, echoes = sweep.oct_, sweep.spectrometer, sweep.echoes
+    n, pixel = one.window.size, oct_.axial_pixel_mm
+    bone = np.zeros((sweep.turn.n, n), np.complex64)
+    if not np.any(np.isfinite(echoes.wall_path_mm)):
+        return bone
+    places = lattice(sweep.bore_seed, sweep.radius_mm, oct_)
+    passed = nodes(sweep, places)
+    near, dust = passed.near, echoes.dust[passed.near]
+    level_db = oct_.wall_db + sweep.wall_db[near] + oct_.dust_db * dust - echoes.shadow_db[near]
+    # a steep wall returns little
+    level = 10 ** (level_db / 10) * (0.06 + 0.94 * np.nan_to_num(echoes.wall_cosine[near]) ** 1.5)
+    level *= coupling(oct_, np.nan_to_num(passed.path_mm))
+    layer = places.roughness(round(float(np.mean(passed.z_mm)) / places.layer_mm))
+    rough_mm = np.where(dust, oct_.dust_roughness_mm * layer[np.mod(passed.number, places.n_nodes)], 0)
+    entry_px = (passed.path_mm + rough_mm - oct_.first_sample_mm) / pixel
+    first = int(np.clip(np.nanmin(entry_px) - 1, 0, n - 1))
+    last = _negligible_from(oct_, float(level.max()), first, n)
+
+    # All nodes show one profile, shifted: they are windows of its table. Everything stands twice in a row, for the real
+    # and the imaginary part.
+    bins = np.arange(first, last)
+    below = np.arange(-TABLE_PER_PX, (last - first + 2) * TABLE_PER_PX) / TABLE_PER_PX
+    table = np.sqrt(_profile(oct_, below, np.clip(below + 0.5, 0, 1))).astype(np.float32).reshape(-1, TABLE_PER_PX).T
+    above, beyond_table = np.zeros((TABLE_PER_PX, bins.size), np.float32), np.repeat(table[:, -1:], bins.size, axis=1)
+    table = np.repeat(np.concatenate([above, table, beyond_table], axis=1), 2, axis=1)
+    place = TABLE_PER_PX * (first + 1) - np.rint(np.nan_to_num(entry_px, nan=2.0 * n) * TABLE_PER_PX).astype(np.intp)
+    start = np.clip(place // TABLE_PER_PX + bins.size, 0, table.shape[1] // 2 - bins.size)
+    windows = sliding_window_view(table, 2 * bins.size, axis=1)
+    # as many rings as an axial pixel holds add up in it
+    rings = pixel / BONE_INDEX / places.ring_mm
+    gain = np.sqrt(0.5 * rings * one.bone_unit2 * level).astype(np.float32)[:, None]
+    rolled = np.repeat(roll_off(oct_, bins.astype(np.float64), n) * centred(bins), 2).astype(np.float32)
+    amplitude = along_beams(sweep, places, passed, bins).reshape(near.size, -1)
+    for a_block in range(0, near.size, NODES):
+        some = slice(a_block, min(near.size, a_block + NODES))
+        part = windows[place[some] % TABLE_PER_PX, 2 * start[some]]
+        for node in np.flatnonzero(np.isfinite(echoes.exit_path_mm[near[some]])) + a_block:
+            part[node - a_block] = np.repeat(_beyond_septum(oct_, echoes, int(near[node]), entry_px[node], bins), 2)
+        part *= gain[some]
+        part *= rolled
+        amplitude[some] *= part
+    bone[:, first:last] = (_spots(sweep, places, passed) @ amplitude).view(np.complex64)
+    return bone
+
+
+def _spots(sweep: Sweep, places: Lattice, passed: Nodes) -> sparse.csr_array:
+    """Return how much of every node's light each column gathers, (column, node): a Gaussian of unit power."""
+    echoes, theta = sweep.echoes, unwrapped_rad(sweep)
+    path_mm = np.where(np.isfinite(echoes.wall_path_mm), echoes.wall_path_mm, np.nanmedian(echoes.wall_path_mm))
+    sigma_mm = spot_sigma_mm(sweep.oct_, path_mm)
+    # across the beam, where the wall is: beams diverge as they turn
+    diverging = 1 + np.gradient(echoes.slant_rad, theta)
+    mm_per_rad = sweep.radius_mm * np.cos(echoes.slant_rad) + np.nan_to_num(echoes.beyond_mm) * diverging
+    at = theta / places.node_rad - passed.number[0]
+    half = math.ceil(float(np.max(REACH * sigma_mm / (mm_per_rad * places.node_rad))))
+    node = np.rint(at).astype(np.intp)[:, None] + np.arange(-half, half + 1)
+    apart = (node - at[:, None]) * (places.node_rad * mm_per_rad / sigma_mm)[:, None]
+    known = (node >= 0) & (node < passed.number.size)
+    weight = np.where(known & (np.abs(apart) <= REACH), np.exp(-0.5 * apart**2), 0)
+    weight /= np.sqrt(np.sum(weight**2, axis=1, keepdims=True))
+    n_columns, n_taps = node.shape
+    ends = n_taps * np.arange(n_columns + 1)
+    chosen = np.clip(node, 0, passed.number.size - 1).ravel()
+    shape = n_columns, passed.number.size
+    return sparse.csr_array((weight.astype(np.float32).ravel(), chosen, ends), shape=shape)
+
+
+def _beyond_septum(oct_: Oct, echoes: Echoes, column: int, entry_px: float, bins: NDArray[np.intp]) -> Coordinates:
+    """Return the amplitude from axial pixels ``bins`` of a beam that leaves bone and may meet it again."""
+    ends = [echoes.exit_path_mm[column], echoes.reentry_path_mm[column]]
+    out, back = (np.nan_to_num(np.array(ends), nan=np.inf) - oct_.first_sample_mm) / oct_.axial_pixel_mm
+    inside, beyond = bins - entry_px, np.minimum(bins, back) - out
+    gap = np.clip(bins + 0.5 - out, 0, 1) - np.clip(bins + 0.5 - back, 0, 1)
+    share = np.clip(inside + 0.5, 0, 1)
+    left: Coordinates = np.sqrt(_profile(oct_, inside - np.maximum(beyond, 0), share - np.minimum(gap, share)))
+    return left
+
+
+def _profile(oct_: Oct, below_px: Coordinates, share: Coordinates) -> Coordinates:
+    """Return the intensity from axial pixels with ``below_px`` of bone above them, a ``share`` of them bone."""
+    depth_mm = np.maximum(below_px, 0) * oct_.axial_pixel_mm / BONE_INDEX
+    tail = 10 ** (oct_.tail_db / 10)
+    profile: Coordinates = (1 - tail) * np.exp(-depth_mm / oct_.attenuation_mm) + tail * np.exp(
+        -depth_mm / oct_.tail_mm
+    )
+    return share * profile
+
+
+def _negligible_from(oct_: Oct, most: float, first: int, n: int) -> int:
+    """Return the axial pixel from which bone that begins at ``first`` cannot be seen, not even folded back."""
+    bins = np.arange(first, n, dtype=np.float64)
+    left = _profile(oct_, bins - first, np.ones_like(bins))
+    bright = np.flatnonzero(most * left * roll_off(oct_, bins, n) ** 2 > 10 ** (NEGLIGIBLE_DB / 10))
+    return first + (int(bright[-1]) + 1 if bright.size else 1)

@@ -1,8 +1,8 @@
 """The spectrometer: from the complex field of an A-scan to counts of its detector, and back to depth.
 
-Sample m of a spectrum, 0 ≤ m < n, is at even steps of the wavenumber. A reflector whose path is longer than the
-reference's by x axial pixels returns the field E(m) = a·exp(2πi(m − (n − 1)/2)·x/n), a relative to that of the
-reference. The detector counts R(m)·|1 + E(m)|²: reference, fringes, their mirror image and the autocorrelation of
+Sample m of a spectrum, 0 ≤ m < n, is at even steps of the wavenumber. A reflector's path is longer than the reference's
+by x axial pixels. It returns the field E(m) = a·exp(2πi(m − (n − 1)/2)·x/n), a relative to that of the reference. The
+detector counts R(m)·|1 + E(m)|²: reference, fringes, their mirror image and the autocorrelation of
 what returns. The carrier, exp(2i·k₀·path), is left out: it turns faster than A-scans can follow, and no magnitude
 shows it.
 """
@@ -23,13 +23,14 @@ from endoct.synthetic.sample.parameters import Oct
 from endoct.synthetic.sample.randomness import bell
 
 FULL_SCALE = 4095  # 12 bits
-# pixel p of the detector records the spectrum at m = CHIRP(p): a fit to the vectors of the rig, see its facts
 CHIRP = np.polynomial.Polynomial([-0.48, 1.25467, -2.017e-4, -4.6e-8])
-# an exponential's mean logarithm is 10·γ/ln 10 dB under the logarithm of its mean
+"""Pixel p of the detector records the spectrum at m = CHIRP(p): a fit to the vectors of the rig, see its facts."""
 LOG_BIAS_DB = 2.5068
-# samples after which noise comes again: half a wave over the depth, and two and a half and six and a half of them
+"""The mean logarithm of an exponential is 10·γ/ln 10 dB under the logarithm of its mean."""
 BAND_LAGS = (1, 5, 13)
-BLOCK = 128  # A-scans in the cache
+"""Noise comes again after so many samples: half a wave over the depth, two and a half, and six and a half."""
+BLOCK = 128
+"""So many A-scans fit the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ class Spectrometer:
     ``sigma``: of the Gaussian spectrum, samples (infinite: flat). ``peak_counts``: of the reference alone.
     ``noise_counts2``: variance of the noise per count of reference, counts². ``unit``: relative amplitude of a
     reflector at 0 dB, the level of the mean noise. ``bone_unit2``: |a|² of white scatterers, one for each axial
-    pixel, that together show at 0 dB. ``echoes``: of the noise in itself, a share for each of ``BAND_LAGS`` samples
-    later, which make bands over depth of it.
+    pixel, that together show at 0 dB. ``echoes``: which share of the noise comes again after each of ``BAND_LAGS``
+    samples, which makes bands over depth of it.
     """
 
     window: Coordinates

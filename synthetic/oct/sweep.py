@@ -62,7 +62,8 @@ def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance
     return Appearance(dz_mm, wall_db, np.asarray(cv2.dilate(glint_db, np.ones((2, 3))), np.float32))
 
 
-AROUND = 1024  # places around a turn at which what changes smoothly is drawn
+AROUND = 1024
+"""What changes smoothly is drawn at so many places around a turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +99,10 @@ def _smoothing(sigma_turns: float) -> Image:
     return np.asarray(left)
 
 
-REACH = 3.0  # sigmas of the spot across which scatterers are summed
-BEYOND = 3  # columns beyond those recorded that the interpolation between columns reads
+REACH = 3.0
+"""Scatterers are summed across so many σ of the spot."""
+BEYOND = 3
+"""The interpolation between columns reads so many beyond those recorded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,11 +26,11 @@ Point = tuple[Millimetres, Millimetres, Millimetres]
 class Cell(Parameters):
     """One cavity that the drill has opened: a hole drilled across the bore, or an air cell.
 
-    Its axis starts on the nominal wall at (``z_mm``, ``theta_rad``) and leans off the radial direction. With
-    (u, v) across the axis, u along the long direction, and w along it, counted from the widest part, the
-    cavity is (s^p + |w/c|^p)^(1/p) < 1 with p = ``squareness``, s = 1 on an outline of ``diameter_mm`` and
-    ``aspect`` with the ``outline`` harmonics, and c = ``depth_mm`` − ``bulge_mm``. With ``bulge_mm`` = 0 it is a
-    shaft, open towards the bore: there max(w, 0) stands in for the absolute value of w.
+    Its axis starts on the nominal wall at (``z_mm``, ``theta_rad``) and leans off the radial direction. Coordinates
+    (u, v) run across the axis, u along the long direction; w runs along it, counted from the widest part. The cavity
+    is (s^p + |w/c|^p)^(1/p) < 1 with p = ``squareness`` and c = ``depth_mm`` − ``bulge_mm``. Here s is 1 on an outline
+    of ``diameter_mm`` and ``aspect`` with the ``outline`` harmonics. With ``bulge_mm`` = 0 the cavity is a shaft, open
+    towards the bore: there max(w, 0) stands in for the absolute value of w.
     """
 
     z_mm: Place = Field(description="place of its axis on the wall, from the mouth")
@@ -100,11 +100,11 @@ class Network(Parameters):
 class Density(Parameters):
     """How dense the bone is from place to place, in three dimensions; CT, OCT and endoscope all show it.
 
-    ``scale_mm`` lies between the thickness of trabeculae and the distance of their middles in dense jaw bone, 0.30 and
-    0.30 + 0.59 mm (Lee 2017, J Periodontal Implant Sci 47:20), as no figure was found of the mastoid. Micro-CT shows
-    micro-channels in it (Cros 2013, doi 10.1016/j.heares.2013.03.002), whose width was not found either: ``channel_mm``
-    lies between canals of compact bone, too small to see, and the emissary canal, 1.3 mm wide (Özen 2019, doi
-    10.5505/vtd.2019.69077), which a bore seldom meets.
+    No figures of the mastoid were found. In dense jaw bone, trabeculae are 0.30 mm thick, their middles 0.30 + 0.59 mm
+    apart (Lee 2017, J Periodontal Implant Sci 47:20): ``scale_mm`` lies between these. Micro-CT of the mastoid shows
+    micro-channels (Cros 2013, doi 10.1016/j.heares.2013.03.002), but their width was not found either. So
+    ``channel_mm`` lies between canals of compact bone, too small to see, and the emissary canal. That is 1.3 mm wide
+    (Özen 2019, doi 10.5505/vtd.2019.69077), and a bore seldom meets it.
     """
 
     contrast: float = drawn(0.08, 0.2, "rms of the density over its mean (chosen)", (0, 0.3))

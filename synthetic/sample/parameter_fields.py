@@ -11,11 +11,11 @@ Factor = Annotated[float, Field(ge=-10, le=10)]
 Harmonic = tuple[Factor, Factor]
 """Factors of the cosine and of the sine."""
 Place = Annotated[float, Field(ge=-200, le=200)]
-"""mm along a bore, which is shorter than 100."""
+"""Places count mm along a bore, which is shorter than 100."""
 Shift = Annotated[float, Field(ge=-10, le=10)]
-"""mm across it."""
+"""Shifts count mm across the bore."""
 Angle = Annotated[float, Field(ge=-1000, le=1000)]
-"""rad."""
+"""Angles are in rad."""
 Pixel = Annotated[float, Field(ge=-1e4, le=1e4)]
 MOST_LISTED = 5000
 """A sample lists at most this many of anything."""

@@ -1,10 +1,10 @@
 """Every parameter of a specimen, with its unit, what it is drawn from and where that comes from.
 
-A :class:`Sample` is all that the renderer reads: the same sample gives the same bytes. A field made by
-``drawn`` is drawn uniformly between its first two numbers by :mod:`endoct.synthetic.draw`, unless its text
-says otherwise; users may have it drawn from any range within ``allowed``. Sources: "required" is
-the least difficulty that every preset must have, "typical" the usual value of such an instrument, "rig" the measured
-OCT rig, "paper" Laves et al. 2019; "chosen" has no source but plausibility.
+A :class:`Sample` is all that the renderer reads: the same sample gives the same bytes. A field made by ``drawn`` is
+drawn uniformly between its first two numbers by :mod:`endoct.synthetic.draw`, unless its text says otherwise. Users may
+have it drawn from any range within ``allowed``. Sources: "required" is the least difficulty that every preset must
+have, "typical" the usual value of such an instrument. "rig" is the measured OCT rig, "paper" Laves et al. 2019, and
+"chosen" has no source but plausibility.
 """
 
 from typing import Literal, Self

@@ -14,8 +14,8 @@ class Preset:
     """Sizes and difficulty of one specimen.
 
     Attributes: ``n_slices`` and ``n_frames``, recorded by the OCT and by the endoscope; ``n_ascans`` a turn,
-    a multiple of ``ascans_per_column``, the A-scans between two independently drawn columns of the optical
-    field (which is oversampled when a turn has 14 000 A-scans); ``bone``, the kinds drawn from;
+    a multiple of ``ascans_per_column``; ``ascans_per_column``, the A-scans between two independently drawn columns of
+    the optical field, which is oversampled when a turn has 14 000 A-scans; ``bone``, the kinds drawn from;
     ``image_px``, width and height of the endoscope's images, drawn from; ``n_depth`` samples an A-scan, half as
     many as the spectrometer's; ``pitch_mm``, nominal, of both instruments (Laves 2019, Methods: 0.2 mm);
     ``wall_dz_mm`` and ``wall_n_theta``, the grid of the wall and of the truth; ``helical``, the share of
@@ -44,9 +44,7 @@ MASTOID_RANGES: Ranges = {
     "bore.fluid": (0.0, 0.20),
     "bore.lining": (0.1, 0.5),
 }
-# "wall barely above the noise in places", sine amplitude 77 px, detector line at rows 218–227 (one real B-scan of
-# the rig, described in the project's facts); rotation error and turn jitter as catheters bend and rub
-# bone as it was before its density and larger cells: data sets made with one version go with those of another
+# Bone is as it was before its density and larger cells: data sets made with one version go with those of another.
 LEARNING_RANGES: Ranges = {
     **MASTOID_RANGES,
     "network.pneumatised": (0.4, 0.95),
@@ -54,6 +52,9 @@ LEARNING_RANGES: Ranges = {
     "density.contrast": (0.0, 0.0),
     "density.channel_mm": (0.0, 0.0),
 }
+# One real B-scan of the rig (see the project's facts) has its "wall barely above the noise in places". Its sine has an
+# amplitude of 77 px, its detector line lies at rows 218–227. Rotation errors and jitter are those of a catheter that
+# bends and rubs.
 HARD_RANGES: Ranges = {
     "oct.wall_db": (5.0, 10.0),
     "oct.patchiness_db": (2.5, 4.0),
@@ -71,7 +72,7 @@ HARD_RANGES: Ranges = {
     "endoscope.dropped": (0.0, 0.08),
 }
 
-# a printed tube: smooth but for its layers, seen by instruments of which little is known
+# A printed tube is smooth but for its layers, and seen by instruments of which little is known.
 TUBE_RANGES: Ranges = {
     "bore.diameter_mm": (2.2, 2.6),
     "bore.taper_mm": (-0.004, 0.004),

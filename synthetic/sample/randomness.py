@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
 
-BELL_WORDS = 2**14  # drawn at once, for four numbers each
+BELL_WORDS = 2**14
+"""So many words are drawn at once, each for four numbers."""
 
 
 class Stage(IntEnum):

@@ -15,7 +15,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.nifti import nifti_header
 from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.synthetic.ct_scan import drawn_plan, true_line, write_ct
-from endoct.synthetic.draw import draw
+from endoct.synthetic.draw import Scans, draw
 from endoct.synthetic.sample.parameters import Ct
 from endoct.synthetic.specimen import simulate
 from endoct.synthetic.truth import recording
@@ -101,16 +101,16 @@ def test_the_bore_shows_after_drilling_only(specimen: Path) -> None:
 
 
 def test_thick_slices_on_request() -> None:
-    sample = draw("learning", 4, ranges={"bore.bone": ("network",)}, ct=True, ct_slice_mm=0.6)
+    sample = draw("learning", 4, ranges={"bore.bone": ("network",)}, scans=Scans(ct=True, ct_slice_mm=0.6))
     assert sample.ct is not None
     assert sample.ct.slice_mm == 0.6
-    plain = draw("learning", 4, ranges={"bore.bone": ("network",)}, ct=True)
+    plain = draw("learning", 4, ranges={"bore.bone": ("network",)}, scans=Scans(ct=True))
     assert sample.model_copy(update={"ct": plain.ct}) == plain
 
 
 def test_there_is_no_ct_of_a_phantom() -> None:
     with pytest.raises(EndoctError, match="three dimensions only"):
-        draw("quick", 1, ct=True)
+        draw("quick", 1, scans=Scans(ct=True))
 
 
 @pytest.mark.parametrize("handed", [1.0, -1.0])
@@ -150,11 +150,11 @@ def test_the_true_line_and_a_plan_beside_it_are_markups_in_the_world_of_the_ct(s
 
 
 def test_plans_are_off_by_up_to_a_millimetre_and_two_degrees() -> None:
-    drawn = [draw("learning", seed, ranges={"bore.bone": ("network",)}, ct=True) for seed in range(40)]
+    drawn = [draw("learning", seed, ranges={"bore.bone": ("network",)}, scans=Scans(ct=True)) for seed in range(40)]
     off = np.array([apart(true_line(sample), drawn_plan(sample)) for sample in drawn])
     assert off.max(axis=0) == pytest.approx([1.0, 2.0], rel=0.1)
     assert np.all(off <= [1.0, 2.0])
-    again = draw("learning", 99, bore_seed=3, ranges={"bore.bone": ("network",)}, ct=True)
+    again = draw("learning", 99, bore_seed=3, ranges={"bore.bone": ("network",)}, scans=Scans(ct=True))
     assert drawn_plan(again) == drawn_plan(drawn[3])
 
 

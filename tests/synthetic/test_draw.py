@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.synthetic.draw import draw
+from endoct.synthetic.draw import STICK_ORDERS, draw, rotation_error
 from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import PARTS, allowed_range, choices, default_ranges
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar
 
 SEEDS = range(8)
+TURN = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
 
 
 @pytest.fixture(scope="module")
@@ -150,3 +151,30 @@ def test_turns_of_a_helical_scan_lie_beyond_where_those_of_steps_are(travel: str
 def test_impossible_wishes_are_refused(ranges: dict[str, tuple[float, float]], named: str) -> None:
     with pytest.raises(EndoctError, match=named):
         draw("learning", 0, ranges=ranges)
+
+
+def _error_rad(stick_slip: float, seed: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    harmonics = np.array(rotation_error(np.random.default_rng(seed), 12, 0.087, stick_slip))
+    orders = np.arange(1, harmonics.shape[1] + 1)
+    waves = np.stack([np.cos(np.outer(orders, TURN)), np.sin(np.outer(orders, TURN))], axis=1)
+    return np.asarray(np.einsum("nkc,kct->nt", harmonics, waves))
+
+
+@pytest.mark.parametrize("stick_slip", [0.0, 0.4, 1.0])
+def test_the_peak_is_what_was_asked_for_and_the_catheter_never_turns_back(stick_slip: float) -> None:
+    for seed in range(4):
+        error = _error_rad(stick_slip, seed)
+        assert np.abs(error).max() == pytest.approx(0.087, rel=0.02)
+        assert np.all(np.diff(TURN + error, axis=1) > 0)
+
+
+def test_a_catheter_that_sticks_falls_behind_slowly_and_catches_up_fast() -> None:
+    speed = np.gradient(_error_rad(1.0, 1), TURN, axis=1)
+    assert speed.max() > 2 * -speed.min()
+    assert np.mean(speed < 0) > 2 * np.mean(speed > -speed.min())
+
+
+def test_without_sticking_four_harmonics_are_left() -> None:
+    harmonics = np.array(rotation_error(np.random.default_rng(1), 5, 0.05, 0.0))
+    assert harmonics.shape == (5, STICK_ORDERS, 2)
+    assert not harmonics[:, 4:].any()

@@ -306,7 +306,7 @@ def _makers(
 
 def _warm_up() -> None:
     """Load what every process loads once, which is no part of the time that one specimen takes."""
-    import endoct.synthetic.recordings  # noqa: F401
+    import endoct.synthetic.specimen_files  # noqa: F401
 
 
 def run_dataset(

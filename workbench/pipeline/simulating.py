@@ -95,8 +95,7 @@ def _volume(request: SimulateRequest) -> Volume | None:
     on_remark = request.on_remark
     return stated_volume(
         Path(request.bone),
-        entry_mm,
-        target_mm,
+        (entry_mm, target_mm),
         coordinates=request.coordinates,
         bone_hu=request.bone_hu,
         bone_label=request.bone_label,

@@ -17,8 +17,8 @@ from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import stored_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
-from endoct.synthetic.recordings import write_endoscope
 from endoct.synthetic.sample.presets import PresetName
+from endoct.synthetic.specimen_files import write_endoscope
 from endoct.synthetic.truth import write_truth
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording

@@ -129,7 +129,7 @@ def test_a_septum_is_left_and_bone_met_again(tmp_path: Path) -> None:
 def test_ras_and_lps_give_the_same_bore(tmp_path: Path) -> None:
     path = block(tmp_path / "block.nrrd")
     lps = stated(path)
-    ras = stated_volume(path, point(RAS * ENTRY), point(RAS * TARGET), coordinates="ras")
+    ras = stated_volume(path, (point(RAS * ENTRY), point(RAS * TARGET)), coordinates="ras")
     assert np.array_equal(bore_to_lps(lps), bore_to_lps(ras))
     assert np.array_equal(build_wall(drilled(lps)).relief_mm, build_wall(drilled(ras)).relief_mm)
 
@@ -137,7 +137,7 @@ def test_ras_and_lps_give_the_same_bore(tmp_path: Path) -> None:
 def test_a_file_means_by_its_coordinates_what_its_format_says(tmp_path: Path) -> None:
     assert stated(block(tmp_path / "block.nrrd"), coordinates=None).coordinates == "lps"
     nifti = block(tmp_path / "block.nii.gz")
-    in_nifti = stated_volume(nifti, point(RAS * ENTRY), point(RAS * TARGET))
+    in_nifti = stated_volume(nifti, (point(RAS * ENTRY), point(RAS * TARGET)))
     assert in_nifti.coordinates == "ras"
     assert np.allclose(bore_to_lps(in_nifti), bore_to_lps(stated(nifti)))
     text = (tmp_path / "block.nrrd").read_bytes()
@@ -238,7 +238,7 @@ def test_a_trajectory_that_cannot_be_is_refused(
 ) -> None:
     path = block(tmp_path / "block.nrrd")
     with pytest.raises(EndoctError, match=message):
-        stated_volume(path, point(entry), point(target), coordinates="lps", **options)  # type: ignore[arg-type]
+        stated_volume(path, (point(entry), point(target)), coordinates="lps", **options)  # type: ignore[arg-type]
 
 
 def test_volumes_that_are_none_are_refused(tmp_path: Path) -> None:

@@ -8,9 +8,8 @@ import pytest
 
 from endoct.synthetic.bone.baked_maps import Traced, part_of_wall
 from endoct.synthetic.bone.cavities import cavities, clearance, covers, near
-from endoct.synthetic.bone.maps import WallMaps
 from endoct.synthetic.bone.scene import crossings
-from endoct.synthetic.bone.wall import Wall, build_wall
+from endoct.synthetic.bone.wall import Wall, WallMaps, build_wall
 from endoct.synthetic.draw import draw
 from tests.synthetic.bones import bone, hole
 from tests.tolerances import BAKED_MM

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from endoct.base.arrays import Image
-from endoct.synthetic.bone.maps import WallMaps
-from endoct.synthetic.bone.wall import build_wall
+from endoct.synthetic.bone.wall import WallMaps, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free
-from endoct.synthetic.endoscope.facet_grid import RAYS
-from endoct.synthetic.endoscope.facets import EVERY_COLUMN, facets_of, shade_of
+from endoct.synthetic.endoscope.facets import RAYS, facets_of
+from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, shade_of
 from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.endoscope.sight import view
 

@@ -20,8 +20,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bor
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
-from endoct.synthetic.bone.cut_wall import CutWall
-from endoct.synthetic.bone.drawn_cells import draw_holes
+from endoct.synthetic.bone.drawn_cells import CutWall, draw_holes
 from endoct.synthetic.sample.parameters import Bore, Cell
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
@@ -50,7 +49,7 @@ def simulated(
 
     ``ct``: with a CT of it, ``truth/ct.nii.gz``.
     """
-    from endoct.synthetic.draw import draw
+    from endoct.synthetic.draw import Scans, draw
     from endoct.synthetic.specimen import simulate
 
     difficulties = difficulties or {}
@@ -64,7 +63,7 @@ def simulated(
         of = seed if index == 0 else 1_000_000 * (1 + seed) + index
         sample = None
         if CELL_MM in difficulties:
-            drawn = draw(cast(PresetName, preset), of, ranges=ranges, ct=ct)
+            drawn = draw(cast(PresetName, preset), of, ranges=ranges, scans=Scans(ct=ct))
             cells = uniform_cells(rng_of(seed, index, CELL_MM), drawn.bore, float(difficulties[CELL_MM]))
             bone = "phantom" if drawn.bore.bone == "network" else drawn.bore.bone  # in which cells are planted
             bore = drawn.bore.model_copy(update={"cells": cells, "bone": bone, "network": None, "density": None})

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endoct.synthetic.bone.cut_wall import CutWall
+from endoct.synthetic.bone.drawn_cells import CutWall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.cases import specimens

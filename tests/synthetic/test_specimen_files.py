@@ -9,7 +9,7 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
-from endoct.synthetic.endoscope.video_file import FRAME_RATE_HZ, write_video
+from endoct.synthetic.specimen_files import FRAME_RATE_HZ, write_video
 
 FRAMES = np.random.default_rng(8).integers(0, 256, (7, 48, 64, 3), dtype=np.uint8)
 

@@ -4,8 +4,7 @@ import pytest
 
 from endoct.base.compute.worker_process import worker_process
 from endoct.base.errors import EndoctError
-from endoct.synthetic.model import build_model
-from endoct.synthetic.recordings import rendering
+from endoct.synthetic.model import build_model, rendering
 from tests.base.compute.worker_calls import end
 from tests.synthetic.bones import bone, hole
 
