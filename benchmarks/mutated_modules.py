@@ -51,7 +51,6 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     "fusion/segmentation/threshold.py": (f"{FUSION}/segmentation/test_threshold.py",),
     "fusion/geometry/alignment.py": (f"{FUSION}/test_alignment.py",),
     "fusion/geometry/placement.py": (f"{FUSION}/test_placement.py",),
-    "fusion/geometry/resample.py": (f"{FUSION}/test_placement.py",),
     "fusion/evidence/evidence.py": (f"{FUSION}/evidence/test_evidence.py",),
     "fusion/evidence/relief.py": (f"{FUSION}/evidence/test_evidence.py",),
     "fusion/doubts.py": (f"{FUSION}/test_doubts.py",),

@@ -29,10 +29,9 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
-from endoct.fusion.pose.clinical import WITHIN
 from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import WITHIN, BorePose
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.synthetic.ct_scan import scan

@@ -13,6 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_by_hand,
+    doubts_by_method,
     doubts_of_alignment,
     doubts_of_largest_cell,
     doubts_of_orientation,
@@ -21,10 +22,9 @@ from endoct.fusion.doubts import (
     doubts_of_scale,
     scale_at_limit,
 )
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
-from endoct.fusion.geometry.landmarks import LandmarkPair
+from endoct.fusion.geometry.alignment import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
@@ -32,13 +32,13 @@ from endoct.fusion.registration.align import (
     LIKELY_CHANCE,
     Alignment,
     NotAligned,
+    align_by_method,
     align_sides,
     fit_stretched,
     largest_cell_share,
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import Bore, align_by_hand
-from endoct.fusion.registration.by_method import align_by_method, doubts_by_method
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import (
@@ -51,9 +51,8 @@ from endoct.fusion.result import (
     StoredAlignment,
     Threshold,
 )
-from endoct.fusion.scoring.overlap import find_sites, overlap
+from endoct.fusion.scoring.overlap import Surface, find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
-from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place

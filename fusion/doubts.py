@@ -7,11 +7,13 @@ import math
 from collections.abc import Iterator, Sequence
 from math import hypot
 
+import numpy as np
 from scipy.special import stdtrit
 
 from endoct.base.doubt import Doubt
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
@@ -41,6 +43,25 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
             f"{alignment.confidence:.2f}; without force it would need at least {BELIEVABLE:g}."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+
+
+def doubts_by_method(
+    alignment: Alignment, ours: Alignment | NotAligned, name: str, a: Side, b: Side
+) -> Iterator[Doubt]:
+    """Yield the doubt of an ``alignment`` by the method ``name``, with how far from ``ours`` it is."""
+    what = f"The alignment is that of the method '{name}'; endoct does not judge how far it can be trusted."
+    if isinstance(ours, NotAligned):
+        yield Doubt("aligned-by-method", f"{what} Its own search finds none.")
+        return
+    if (ours.mirrored, ours.z_reversed) != (alignment.mirrored, alignment.z_reversed):
+        yield Doubt("aligned-by-method", f"{what} Its own search has {b.name} the other way around.")
+        return
+    middle_mm = float(b.grid.z_mm.mean())
+    turn_rad = float(wrap_rad(np.float64(alignment.theta_shift_rad - ours.theta_shift_rad)))
+    along_mm = float(alignment.z_to_a(middle_mm) - ours.z_to_a(middle_mm))
+    apart_mm = float(np.hypot(turn_rad * a.grid.radius_mm, along_mm))
+    said = f"{what} In the middle of {b.name} its own search lies {apart_mm:.2f} mm away."
+    yield Doubt("aligned-by-method", said, value=apart_mm, unit="mm", expected=0.0)
 
 
 def doubts_of_largest_cell(share: float) -> Iterator[Doubt]:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import SMALL_BYTES, read_small
-from endoct.fusion.geometry.landmarks import USUAL_SIGMA_MM, LandmarkPair, Place, Role
+from endoct.fusion.geometry.alignment import USUAL_SIGMA_MM, LandmarkPair, Place, Role
 from endoct.modalities.acquisition import MOST_PLACE_MM
 from endoct.stitching.panorama import Panorama
 

@@ -3,9 +3,7 @@
 The answer says where the bore lies, by all sides and by each alone, or why that stays open.
 
 Patterns that cannot be in the bone, made of a side's own pieces, say what chance gives. The best place of such a
-pattern, over the same axes, turns and depths, is what the true one has to beat. There are two kinds. *Turned* ones
-have every piece of the bore where it is, but turned about the axis: how much air there is along the bore stays as
-it is. *Shuffled* ones have the pieces in another order as well.
+pattern, over the same axes, turns and depths, is what the true one has to beat.
 """
 
 from collections.abc import Sequence
@@ -13,105 +11,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
-from endoct.fusion.pose.handedness import favours_mirror, mirror_reason, open_handedness
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import (
     ASIDE_MM,
-    ROWS_MM,
     TILT_RAD,
     Candidate,
     Pattern,
     axes_around,
     candidates_along,
+    favours_mirror,
     pattern_of,
     senses_of,
+    shuffled_patterns,
+    turned_patterns,
 )
-from endoct.fusion.pose.support import support_doubts, too_wide
+from endoct.fusion.pose.support import mirror_reason, open_handedness, support_doubts, too_wide
 from endoct.fusion.pose.wall import SHARED
 from endoct.modalities.ct.trajectory import Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class PoseAnswer:
-    """The best ``pose`` there is, of all sides together, and of each ``alone``.
-
-    ``reason``: why it cannot be told, in a full sentence; None where it is told. ``standing``: by side, how far its
-    score lies above that of control patterns, in their spreads. ``doubts``, of a pose that is told, the gravest first:
-    a sense of θ that is not known, long stretches without an edge, wide ellipses, a pattern that hardly stands out, and
-    a side that could not tell the pose alone. The axis is by the other one then, and this one's depth and turn may be
-    wrong.
-    """
-
-    pose: BorePose
-    alone: tuple[BorePose, ...]
-    reason: str | None
-    standing: tuple[float, ...]
-    doubts: tuple[Doubt, ...] = ()
-
-
-PIECE_MM = 4.0
-"""Their mean length."""
-LEAST_HELD = 0.02
-"""Of the mean, what bare rows count for."""
-OF_EACH_KIND = 10
-SEED = 17
-
-
-def turned_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are turned, the same ones for the same pattern."""
-    rng = np.random.default_rng(SEED)
-    n_pieces = _n_pieces(pattern)
-    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)]
-
-
-def shuffled_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are in another order and turned, the same ones for the same pattern."""
-    rng = np.random.default_rng(SEED)
-    n_pieces = _n_pieces(pattern)
-    return [
-        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)
-    ]
-
-
-def _n_pieces(pattern: Pattern) -> int:
-    return max(2, round(pattern.air.shape[0] * ROWS_MM / PIECE_MM))
-
-
-def _turns(rng: np.random.Generator, pattern: Pattern, n_pieces: int) -> Sequence[int]:
-    return [int(turn) for turn in rng.integers(pattern.air.shape[1], size=n_pieces)]
-
-
-def _without_neighbours(rng: np.random.Generator, n_pieces: int) -> Sequence[int]:
-    order = rng.permutation(n_pieces)
-    while n_pieces > 3 and (np.diff(order) == 1).any():
-        order = rng.permutation(n_pieces)
-    return [int(piece) for piece in order]
-
-
-def _pieces(pattern: Pattern, count: int) -> list[NDArray[np.intp]]:
-    """Return the rows of ``count`` pieces that hold as much of the pattern each."""
-    held = (pattern.weight * pattern.air**2).sum(dim=1).cpu().numpy().astype(np.float64)
-    held += LEAST_HELD * held.mean() + 1e-12
-    cuts = np.searchsorted(np.cumsum(held), held.sum() * np.arange(1, count) / count) + 1
-    return np.split(np.arange(held.size), cuts)
-
-
-def _rearranged(pattern: Pattern, order: Sequence[int], turns: Sequence[int]) -> Pattern:
-    rows = _pieces(pattern, len(order))
-    air, weight = (
-        torch.cat([torch.roll(image[rows[piece]], turn, dims=1) for piece, turn in zip(order, turns, strict=True)])
-        for image in (pattern.air, pattern.weight)
-    )
-    return Pattern(air, weight, pattern.sense)
-
 
 STARTS = 3
 """Places of the search, apart from each other, that a fit begins at."""
@@ -131,6 +54,24 @@ MOST_APART = 28.5
 """Square of how far two sides' axes may lie apart over their covariance: of four degrees of freedom, 1 in 100 000."""
 CLOSE_AGREEMENT = 0.05
 """A second pose that fits as well but for that, and lies apart, leaves it open which is right."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseAnswer:
+    """The best ``pose`` there is, of all sides together, and of each ``alone``.
+
+    ``reason``: why it cannot be told, in a full sentence; None where it is told. ``standing``: by side, how far its
+    score lies above that of control patterns, in their spreads. ``doubts``, of a pose that is told, the gravest first:
+    a sense of θ that is not known, long stretches without an edge, wide ellipses, a pattern that hardly stands out, and
+    a side that could not tell the pose alone. The axis is by the other one then, and this one's depth and turn may be
+    wrong.
+    """
+
+    pose: BorePose
+    alone: tuple[BorePose, ...]
+    reason: str | None
+    standing: tuple[float, ...]
+    doubts: tuple[Doubt, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,8 @@ import numpy as np
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.clinical import BEYOND_MM
 from endoct.fusion.pose.finding import Found, differ, find_alone, summary
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import BEYOND_MM, BorePose
 from endoct.fusion.pose.rehearsal import Instrument, Rehearsal, rehearse
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM, unrolled
 from endoct.fusion.pose.wall import TURN

@@ -10,8 +10,7 @@ from skimage.measure import marching_cubes
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.fusion.pose.clinical import LEVEL, Estimate, sampled_axes
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import LEVEL, BorePose, Estimate, sampled_axes
 from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.modalities.ct.stored import Segment
 from endoct.modalities.ct.trajectory import Trajectory

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.fusion.pose.clinical import (
+from endoct.fusion.pose.finding import PoseAnswer
+from endoct.fusion.pose.pose import (
     BEYOND_MM,
+    BorePose,
     Difference,
     Estimate,
     Offset,
@@ -16,8 +18,6 @@ from endoct.fusion.pose.clinical import (
     offset_at,
     roll_of,
 )
-from endoct.fusion.pose.finding import PoseAnswer
-from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_beside
 from endoct.fusion.pose.support import BareStretch, ellipse_mm, longest_bare_stretch
 

@@ -18,12 +18,20 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.evidence import clipped, correlation
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
-from endoct.fusion.geometry.landmarks import LandmarkPair, Role, columns, of_role, residuals_mm
-from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS
-from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame
+from endoct.fusion.geometry.alignment import (
+    ALL_ORIENTATIONS,
+    Alignment,
+    LandmarkPair,
+    NotAligned,
+    Orientation,
+    Role,
+    as_covariance,
+    columns,
+    of_role,
+    residuals_mm,
+)
+from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with_evidence
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
 
@@ -235,28 +243,21 @@ def _clearly_better(one: PairFit, other: PairFit) -> bool:
 
 def _with_evidence(alignment: Alignment, a: Side, b: Side) -> Alignment:
     one, two = a.evidence, b.evidence
-    of_b_mm = alignment.z_to_a(two.z_mm)
-    first_mm, last_mm = max(one.z_mm[0], of_b_mm.min()), min(one.z_mm[-1], of_b_mm.max())
-    if last_mm - first_mm < 2 * STEP_MM:
+    shared = with_evidence(alignment, one, two)
+    if shared is None:
+        of_b_mm = alignment.z_to_a(two.z_mm)
         raise EndoctError(
             f"as the landmark pairs lay {b.name} on {a.name}, the two share no wall",
             found=f"{b.name} from z = {of_b_mm.min():.2f} to {of_b_mm.max():.2f} mm",
             expected=f"some of it between {one.z_mm[0]:.2f} and {one.z_mm[-1]:.2f} mm",
             remedy=CHECK_PAIRS,
         )
-    there_a, there_b = in_one_frame(clipped(one), clipped(two), alignment, 0.0)
-    shared_mm2 = float((there_a.valid & there_b.valid).sum()) * STEP_MM * there_a.column_mm
     covariance = np.array(alignment.covariance)
     if (one.kind == "relief") != (two.kind == "relief"):
         direction = -1.0 if alignment.z_reversed else 1.0
         of_turn, of_place, of_scale = (left**2 for left in LEFT_BY_INSTRUMENTS)
         covariance += covariance_about(direction * float(two.z_mm[[0, -1]].mean()), of_turn, of_place, of_scale)
-    return replace(
-        alignment,
-        correlation=correlation(there_a, there_b),
-        overlap_mm2=shared_mm2,
-        covariance=as_covariance(covariance),
-    )
+    return replace(shared, covariance=as_covariance(covariance))
 
 
 def _said(

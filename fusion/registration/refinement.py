@@ -9,7 +9,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import largest_divisor
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
-from endoct.fusion.geometry.resample import column_weights, resample
+from endoct.fusion.geometry.placement import column_weights, resample
 from endoct.fusion.registration.equations import MOVES, WAVES, Equations, Fit, Level, equations, level, waves
 
 BLURS_MM = (0.12, 0.06, 0.03)

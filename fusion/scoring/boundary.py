@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.result import BoundaryScores
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
-from endoct.fusion.scoring.overlap import Sites
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Sites, Surface
 from endoct.stitching.grid import SurfaceGrid
 
 PERCENTILE = 0.95

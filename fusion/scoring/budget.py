@@ -35,8 +35,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, sign
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, invisible_cells
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, ratio, weights
-from endoct.fusion.scoring.overlap import agreement
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface, agreement
 from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.grid import SurfaceGrid
 

@@ -11,12 +11,10 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.by_depth import ByDepth
-from endoct.fusion.segmentation.learned.inputs import LOOKS_MM, grain, inputs_of
-from endoct.fusion.segmentation.learned.looking import COARSEST_MM, look, weights_for
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOKS_MM, grain, inputs_of, look, weights_for
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
-from endoct.fusion.segmentation.segment import Segmentation, doubts_of_share
+from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
 LEAST_PROBABILITY = 0.4
 """From this on a sample is a cell. On the simulator 0.4 to 0.5 do alike, and what the eye does not know it rather

@@ -7,11 +7,10 @@ import pytest
 import torch
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.pose.clinical import angle_of, difference, length_of, offset_at, sampled_axes
 from endoct.fusion.pose.fit import Fit
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.paired import equivalence, limits_of_agreement
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import BorePose, angle_of, difference, length_of, offset_at, sampled_axes
 from endoct.fusion.pose.structures import Structure, clearance, depth_beside, structures_near
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense, directions
 from endoct.modalities.ct.ct_volume import CtVolume

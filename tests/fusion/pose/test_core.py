@@ -8,11 +8,19 @@ import torch
 
 from endoct.fusion.pose import finding
 from endoct.fusion.pose.air import STEP_MM, AirAround
-from endoct.fusion.pose.finding import Found, answer, find_alone, shuffled_patterns, turned_patterns
+from endoct.fusion.pose.finding import Found, answer, find_alone
 from endoct.fusion.pose.fit import ALIKE, _together
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.search import COLUMNS, ROWS_MM, Pattern, correlations, pattern_of
+from endoct.fusion.pose.search import (
+    COLUMNS,
+    ROWS_MM,
+    Pattern,
+    correlations,
+    pattern_of,
+    shuffled_patterns,
+    turned_patterns,
+)
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN, Sense, wall_places
 from endoct.modalities.ct.trajectory import Trajectory
 

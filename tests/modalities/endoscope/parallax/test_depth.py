@@ -8,7 +8,7 @@ import pytest
 from tolerances import PARALLAX_FLOOR_MM, PARALLAX_WALL_MM
 
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.fusion.evidence.parallax import parallax_relief
+from endoct.fusion.evidence.relief import parallax_relief
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.parallax.depth import MOST_ERROR_MM, add_parallax
