@@ -158,19 +158,27 @@ def align(
 def fit_stretched(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
 ) -> Alignment | None:
-    """Return where ``b`` lies on ``a`` best at a scale from ``FARTHEST``, beyond ``z_scale_range``.
+    """Return where ``b`` lies on ``a`` best at a scale of z beyond ``z_scale_range``.
 
     None where no place stands out, or ``b`` does not lie there as one piece. Lost slices or frames shorten a recording
     too, and no scale makes them good.
     """
-    of_a, of_b = clipped(a), clipped(b)
-    farthest = min(FARTHEST[0], z_scale_range[0]), max(FARTHEST[1], z_scale_range[1])
-    best = search(of_a, of_b, orientations, farthest)
+    farther = stretched(clipped(a), clipped(b), orientations, z_scale_range)
+    if farther is None or not believable(farther) or parts_out_of_place(a, b, farther):
+        return None
+    return farther
+
+
+def stretched(
+    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], searched: tuple[float, float]
+) -> Alignment | None:
+    """Return where ``b`` lies on ``a`` best at a scale from ``FARTHEST``, refined; None where that is ``searched``."""
+    farthest = min(FARTHEST[0], searched[0]), max(FARTHEST[1], searched[1])
+    best = search(a, b, orientations, farthest)
     if best is None:
         return None
-    farther = refine(of_a, of_b, best, farthest)
-    is_within = z_scale_range[0] < farther.z_scale < z_scale_range[1]
-    return None if is_within or not believable(farther) or parts_out_of_place(a, b, farther) else farther
+    refined = refine(a, b, best, farthest)
+    return None if searched[0] < refined.z_scale < searched[1] else refined
 
 
 def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
