@@ -69,11 +69,12 @@ def compare_panoramas(
 ) -> Comparison:
     """Align ``b`` to ``a``, segment each on its own samples, bring both to one grid and score them.
 
-    Landmark ``pairs`` correct the alignment or check it. Where no alignment stands out, nor pairs establish one,
-    ``alignment`` is None and ``reason`` says why; B is then placed by its nominal orientation and nothing is scored.
+    Landmark ``pairs`` correct the alignment or check it. Where no alignment stands out, and pairs establish none
+    either, ``alignment`` is None and ``reason`` says why. Then B is placed by its nominal orientation, and nothing is
+    scored.
 
-    Raises :class:`EndoctError` where the bore diameters differ too much, a side has nothing valid, or shows no cells;
-    where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
+    Raises :class:`EndoctError` where the bore diameters differ too much, or a side has nothing valid or shows no cells.
+    Raises it also where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
     """
     return compare_sides(*two_sides(a, b), parameters or CompareParameters(), pairs)
 
@@ -85,9 +86,9 @@ def compare_sides(
     pairs: Sequence[LandmarkPair] = (),
     when_placed: Callable[[Placed], None] = lambda _: None,
 ) -> Comparison:
-    """Compare as :func:`compare_panoramas`; what evidence the sides have prepared already is used again.
+    """Compare as :func:`compare_panoramas` does; evidence that the sides have prepared already is used again.
 
-    ``when_placed`` is called once, with both sides as the comparison will have them, before they are scored.
+    ``when_placed`` is called once before the sides are scored, with both as the comparison will have them.
     """
     if pairs and parameters.correct_twist:
         raise EndoctError(
@@ -154,7 +155,7 @@ def compare_placed(
     alignment: Alignment,
     parameters: CompareParameters,
 ) -> Comparison:
-    """Compare two sides by their ``cells``, of which it is known how B lies in A's frame: nothing is searched for."""
+    """Compare two sides by their ``cells``; it is known how B lies in A's frame, so nothing is searched for."""
     return _placed(both, cells, alignment, None, parameters)
 
 
@@ -208,7 +209,7 @@ def _doubts_of_scale(a: Side, b: Side, alignment: Alignment, parameters: Compare
 
 
 def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentation], alignment: Alignment) -> OwnRows:
-    """Return the overlap on B's own samples, to which A is brought; B is not interpolated at all."""
+    """Return the overlap on B's own samples: A is brought to them, and B is not interpolated at all."""
     a, b = both
     placement = Placement.averaging(a.grid, alignment.inverse(), b.grid)
     one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))
@@ -218,7 +219,7 @@ def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentatio
 
 
 def _reached(valid: Mask) -> Mask:
-    """Return the rows from the first to the last of which a side observed anything, bool (n_z,)."""
+    """Return the rows from the first to the last in which a side observed anything, bool (n_z,)."""
     rows = np.flatnonzero(valid.any(axis=1))
     reached = np.zeros(valid.shape[0], np.bool_)
     if rows.size:

@@ -44,12 +44,12 @@ class PlacedSide(Surface):
 
     Attributes
     ----------
-    name: of the side; numbered where both are of one modality ("oct-1", "oct-2").
-    mask, valid: bool, cells and what the side observed. ``labels`` numbers the cells.
+    name: the name of the side, numbered where both are of one modality ("oct-1", "oct-2").
+    mask, valid: bool, its cells and what it observed. ``labels`` numbers the cells.
     intensity: float32, 0 where not valid.
     depth_mm: float32, NaN where the side has none.
-    source, cells: the side on its own samples, and its cells there. None, as ``relief_mm``, ``relief_error_mm`` and
-        ``contrast`` are, where the comparison was read from a store.
+    source, cells: the side on its own samples, and its cells there. They are None where the comparison was read from
+        a store, as are ``relief_mm``, ``relief_error_mm`` and ``contrast``.
     """
 
     intensity: Image
@@ -89,9 +89,9 @@ class Comparison:
     sides: A first.
     alignment: where B lies in A's frame; None where that could not be found.
     reason: why not, in a full sentence; None where it was found.
-    result: what ``result.json`` says; from :func:`~endoct.fusion.comparison.compare_panoramas` what fusion knows of it.
-    cells: the cells of both sides as objects, A's first; empty where the comparison was read from a store written
-        before there were any.
+    result: what ``result.json`` says. :func:`~endoct.fusion.comparison.compare_panoramas` gives only what fusion knows.
+    cells: the cells of both sides as objects, A's first. Empty where it was read from a store of a version without
+        them.
     """
 
     grid: SurfaceGrid
@@ -158,7 +158,7 @@ class Comparison:
 
 
 def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid) -> PlacedSide:
-    """Return a side with its ``cells`` on ``grid``, ``sampling`` saying where its samples lie."""
+    """Return a side with its ``cells`` on ``grid``; ``sampling`` says where its samples lie."""
     panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
     relief, parallax = side.relief, side.parallax

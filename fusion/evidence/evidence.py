@@ -14,6 +14,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian, masked_gaussian
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
+from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.evidence.relief import WALL_QUANTILE, relief, trust_in
 from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 from endoct.stitching.panorama import Panorama
@@ -23,8 +24,6 @@ Polarity = Literal["dark", "bright"]
 
 CLIP = {"relief": (0.0, 0.15), "darkness": (-0.5, 1.0), "brightness": (-0.5, 1.0), "mask": (0.0, 1.0)}
 """Beyond these bounds evidence of a kind says no more; relief is in mm."""
-MASK_MODALITY = "mask"
-"""The modality of a panorama that is a mask drawn by hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +70,13 @@ def clipped(evidence: Evidence) -> Evidence:
     return replace(evidence, values=np.clip(evidence.values, *CLIP[evidence.kind]))
 
 
-def correlation(one: Evidence, other: Evidence) -> float:
-    """Return the correlation of two kinds of evidence on the same samples, 0 where one of them is constant."""
-    both = one.valid & other.valid
+def correlation(a: Evidence, b: Evidence) -> float:
+    """Return the correlation of two kinds of evidence on the same samples; 0 where either is constant."""
+    both = a.valid & b.valid
     if both.sum() < 2:
         return 0.0
-    (of_one, common), (_, of_other) = np.cov(clipped(one).values[both], clipped(other).values[both])
-    return float(common / np.sqrt(of_one * of_other)) if of_one > 0 and of_other > 0 else 0.0
+    (of_a, common), (_, of_b) = np.cov(clipped(a).values[both], clipped(b).values[both])
+    return float(common / np.sqrt(of_a * of_b)) if of_a > 0 and of_b > 0 else 0.0
 
 
 def blurred(evidence: Evidence, sigma_mm: float) -> Evidence:

@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 
 from endoct.base.arrays import Mask
-from endoct.fusion.evidence.evidence import MASK_MODALITY, Evidence, Polarity, prepare
+from endoct.fusion.evidence import MASK_MODALITY
+from endoct.fusion.evidence.evidence import Evidence, Polarity, prepare
 from endoct.fusion.evidence.relief import ParallaxRelief, parallax_relief
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama

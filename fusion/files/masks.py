@@ -12,7 +12,7 @@ from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
-from endoct.fusion.evidence.evidence import MASK_MODALITY
+from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.evidence.side import DrawnMask
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore

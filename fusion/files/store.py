@@ -216,10 +216,10 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
     )
 
 
-def _stored(attributes: Mapping[str, object], name: str, what: str) -> object:
+def _stored(attributes: Mapping[str, object], name: str, of: str) -> object:
     text = attributes.get(name)
     if not isinstance(text, str):
-        raise EndoctError(f"{what} is not whole", found=f"no '{name}' in its attributes")
+        raise EndoctError(f"{of} is not whole", found=f"no '{name}' in its attributes")
     value: object = json.loads(text)
     return value
 
@@ -234,30 +234,30 @@ def _side(name: str, arrays: Mapping[str, NDArray[Any]], k: int) -> PlacedSide:
     )
 
 
-def _names(stored: NDArray[Any], what: str) -> tuple[str, str]:
+def _names(stored: NDArray[Any], of: str) -> tuple[str, str]:
     """Return the names of the sides, which become names of files."""
-    names = [plain_name(name, f"a side of {what}") for name in stored.ravel().tolist()]
+    names = [plain_name(name, f"a side of {of}") for name in stored.ravel().tolist()]
     if len(names) != 2 or names[0] == names[1] or "both" in names:
-        raise EndoctError(f"{what} cannot be used", found=f"the sides {', '.join(names)}", expected="two that differ")
+        raise EndoctError(f"{of} cannot be used", found=f"the sides {', '.join(names)}", expected="two that differ")
     return names[0], names[1]
 
 
-def _alignment(stored: object, what: str) -> Alignment:
+def _alignment(stored: object, of: str) -> Alignment:
     """Return the alignment that was ``stored``, every number finite."""
-    what = f"the alignment of {what}"
-    values = dict(an_object(stored, what))
+    of = f"the alignment of {of}"
+    values = dict(an_object(stored, of))
     covariance = values.pop("covariance", None)
     for field in fields(Alignment):
         if field.name not in values:
             continue
         if field.type is bool:
             if not isinstance(values[field.name], bool):
-                raise EndoctError(f"'{field.name}' of {what} cannot be used", expected="true or false")
+                raise EndoctError(f"'{field.name}' of {of} cannot be used", expected="true or false")
         else:
-            values[field.name] = number(values, field.name, -LARGEST, LARGEST, what)
+            values[field.name] = number(values, field.name, -LARGEST, LARGEST, of)
     if covariance is not None:
         matrix = np.asarray(covariance, dtype=np.float64)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise EndoctError(f"'covariance' of {what} cannot be used", expected="3 × 3 finite numbers")
+            raise EndoctError(f"'covariance' of {of} cannot be used", expected="3 × 3 finite numbers")
         covariance = as_covariance(matrix)
     return Alignment(**values, covariance=covariance)

@@ -181,9 +181,9 @@ class Placement:
     def mask(self, mask: Mask, valid: Mask) -> tuple[Mask, Mask]:
         """Return (mask, valid) on the new grid.
 
-        Where old rows lie farther apart than new ones, the outline is interpolated between them: the signed distance
-        to it on the wall is linear in z (Raya and Udupa 1990, Shape-based interpolation). Elsewhere a sample is true
-        where at least half of what was observed of it is.
+        Where old rows lie farther apart than new ones, the outline is interpolated between them. What is linear in z
+        is the signed distance to it on the wall (Raya and Udupa 1990, Shape-based interpolation). Elsewhere a sample
+        is true where at least half of what was observed of it is.
         """
         if self._refines:
             distance, observed = self.image(signed_distance(mask & valid, self._sample_mm), valid)

@@ -3,8 +3,8 @@
 The words say how far the bore misses its plan, where, and how well that is known. Intervals hold the truth in 95 % of
 cases at least.
 
-The interval of a length in the plane is the least and the largest length within an ellipse, the one that holds 95 % of
-a bivariate normal. So it begins at 0 where the two may be the same. It holds the truth in 95 to 98.6 % of cases.
+The interval of a length in the plane is the least and the largest length within the ellipse that holds 95 % of a
+bivariate normal. So it begins at 0 where the two may be the same. It holds the truth in 95 to 98.6 % of cases.
 """
 
 from dataclasses import dataclass
@@ -208,15 +208,15 @@ def roll_of(pose: BorePose, name: str) -> Estimate:
     return estimate(value, float(np.degrees(np.sqrt(pose.fit.covariance[turn, turn]))))
 
 
-def difference(one: BorePose, other: BorePose) -> Difference:
+def difference(a: BorePose, b: BorePose) -> Difference:
     """Return the paired difference of two sides' own axes, as if their errors were independent."""
-    (name, others), length = (*one.names, *other.names), one.plan.length_mm
-    tilt = one.fit.parameters[2:SHARED] - other.fit.parameters[2:SHARED]
-    of_tilt = one.fit.covariance[2:SHARED, 2:SHARED] + other.fit.covariance[2:SHARED, 2:SHARED]
+    (name, others), length = (*a.names, *b.names), a.plan.length_mm
+    tilt = a.fit.parameters[2:SHARED] - b.fit.parameters[2:SHARED]
+    of_tilt = a.fit.covariance[2:SHARED, 2:SHARED] + b.fit.covariance[2:SHARED, 2:SHARED]
     return Difference(
         of=(name, others),
-        at_entry=_difference_at(one, other, 0.0),
-        at_target=_difference_at(one, other, length),
+        at_entry=_difference_at(a, b, 0.0),
+        at_target=_difference_at(a, b, length),
         angle_deg=_in_degrees(length_of(tilt, of_tilt)),
     )
 
@@ -234,8 +234,8 @@ def sampled_axes(pose: BorePose, count: int, generator: np.random.Generator) -> 
     return entries @ to_lps[:3, :3].T + to_lps[:3, 3], directions @ to_lps[:3, :3].T
 
 
-def _difference_at(one: BorePose, other: BorePose, depth_mm: float) -> Offset:
-    first, second = offset_at(one, depth_mm), offset_at(other, depth_mm)
+def _difference_at(a: BorePose, b: BorePose, depth_mm: float) -> Offset:
+    first, second = offset_at(a, depth_mm), offset_at(b, depth_mm)
     across = np.subtract(first.across_mm, second.across_mm)
     return _offset(depth_mm, across, np.add(first.covariance_mm2, second.covariance_mm2))
 

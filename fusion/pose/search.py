@@ -3,8 +3,8 @@
 For every axis around the plan the CT is unrolled once. A correlation over (θ, z) by Fourier transforms then tries every
 turn and every depth at one go.
 
-Control patterns are made of a side's own pieces, as they cannot be in the bone. *Turned* ones have every piece of the
-bore where it is, but turned about the axis: how much air there is along the bore stays as it is. *Shuffled* ones have
+Control patterns are made of a side's own pieces, as they cannot be in the bone. Turned ones have every piece of the
+bore where it is, but turned about the axis. So how much air there is along the bore stays as it is. Shuffled ones have
 the pieces in another order as well.
 """
 
@@ -23,9 +23,9 @@ from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.wall import Sense
 
 ASIDE_MM, TILT_RAD, DEPTH_MM = 2.0, float(np.radians(4.0)), 2.0
-"""How far off the plan a bore is looked for: its axis at the middle of its length, its tilt, and its ends."""
+"""How far off the plan a bore is searched for: its axis at the middle of its length, its tilt, and its ends."""
 AXES_MM = 0.5
-"""Between two axes, at their middle and at their ends."""
+"""Distance of two axes, at their middle and at their ends."""
 ROWS_MM, COLUMNS = 0.3, 48
 AXES_AT_A_TIME = 32
 LEAST_VARIANCE = 1e-3
@@ -41,7 +41,7 @@ SEED = 17
 
 @dataclass(frozen=True)
 class Candidate:
-    """A place to begin at: ``axis`` (x, y in mm; tilt about x, y in rad), depth and turn of the side, its senses."""
+    """A place to begin at: ``axis`` (x, y in mm; tilt about x, y in rad), depth and turn of the side, its sense."""
 
     score: float
     axis: tuple[float, float, float, float]
@@ -69,7 +69,7 @@ def senses_of(side: Observation) -> tuple[Sense, ...]:
 
 
 def pattern_of(side: Observation, sense: Sense, device: str = "cpu") -> Pattern:
-    """Return the outermost layer of ``side`` for the search."""
+    """Return the pattern of ``side`` for the search, from its outermost layer."""
     layer = side.layers[0]
     n_from = layer.air.shape[1]
     step = float(side.z_mm[1] - side.z_mm[0])
@@ -140,7 +140,7 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
     wall = wall - wall.mean(dim=(1, 2), keepdim=True)
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
-        """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z), of which rows are transformed back fastest."""
+        """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z): so rows are transformed back fastest."""
         found: torch.Tensor = torch.fft.rfft2(image, s=size)
         return found.transpose(-1, -2).contiguous()
 
@@ -181,7 +181,7 @@ def _disc(radius: float, step: float) -> Coordinates:
 
 
 def favours_mirror(air: AirAround, side: Observation, axis: Coordinates) -> bool | None:
-    """Return whether ``side``, its sense of θ known, fits the mirror image along ``axis`` (4,); None if it is open."""
+    """Return whether ``side``, whose sense of θ is known, fits the mirror image along ``axis`` (4,); None if open."""
     known = {sense.turning for sense in senses_of(side)}
     senses = senses_of(replace(side, handed=False))
     patterns = [pattern_of(side, sense, str(air.values.device)) for sense in senses]
@@ -223,7 +223,7 @@ def _without_neighbours(rng: np.random.Generator, n_pieces: int) -> Sequence[int
 
 
 def _pieces(pattern: Pattern, count: int) -> list[NDArray[np.intp]]:
-    """Return the rows of ``count`` pieces that hold as much of the pattern each."""
+    """Return the rows of ``count`` pieces, each of which holds as much of the pattern."""
     held = (pattern.weight * pattern.air**2).sum(dim=1).cpu().numpy().astype(np.float64)
     held += LEAST_HELD * held.mean() + 1e-12
     cuts = np.searchsorted(np.cumsum(held), held.sum() * np.arange(1, count) / count) + 1

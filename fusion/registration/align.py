@@ -2,9 +2,9 @@
 
 A method that is chosen by name may answer instead; how far that can be trusted is not judged.
 
-The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a range
-of z scales and every orientation left open. Its sign carries no information and is not used. The best place is
-refined to a fraction of a sample.
+The search is exhaustive: masked normalised cross-correlation over every turn, every shift, a range of z scales and
+every orientation left open. θ is a circle. The sign of the correlation carries no information and is not used. The best
+place is refined to a fraction of a sample.
 
 It is believed where it stands out in two ways. One is against the next best place of the same pair
 (``confidence``), the other against what one side, shuffled, reaches on the other (``chance``). Neither alone would
@@ -60,8 +60,8 @@ LEAST_ALIKE = 0.2
 """A correlation below this counts as this.
 
 All of these were set by simulated specimens: `quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111. Pairs
-of a second generator, which shares nothing with them, had a say too (benchmarks/independent: few 0–23, sound 0–39,
-sparse, specks 0–19, tiny, mirrors 0–11, many 0–7)."""
+of a second generator, which shares nothing with them, had a say too. In benchmarks/independent they are few 0–23, sound
+0–39, sparse, specks 0–19, tiny, mirrors 0–11, many 0–7."""
 UNKNOWN_SLANT = 0.3
 """Standard deviation of the slant of an unknown view: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.01
@@ -185,7 +185,7 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
     """Return ``alignment`` without what always separates depth and light; what is left widens its covariance.
 
     Rays that meet the wall at a slant see a cell's near rim where it is. Before its far rim they see the wall below
-    that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts, and its middle
+    that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts. Its middle
     lies half of that too near. The scale errs about B's middle.
     """
     light, relief = (b, a) if a.kind == "relief" else (a, b)

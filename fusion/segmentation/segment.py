@@ -139,28 +139,27 @@ def spread_of_wall(observed: NDArray[np.float32]) -> float:
     return robust_sigma(front) if front.size else 0.0
 
 
-def doubts_of_cells(found: Believability) -> Iterator[Doubt]:
+def doubts_of_cells(shares: Believability) -> Iterator[Doubt]:
     """Yield why what was segmented is not to be trusted as cells."""
-    if found.noise > MOST_NOISE:
+    if shares.noise > MOST_NOISE:
         what = (
-            f"What was taken for cells may be noise: {found.noise:.0%} as many samples lie as far in front of the "
+            f"What was taken for cells may be noise: {shares.noise:.0%} as many samples lie as far in front of the "
             "wall, where nothing can be."
         )
-        yield Doubt("cells-in-noise", what, value=found.noise, unit="1", expected=(0.0, MOST_NOISE))
-    yield from doubts_of_share(found.cells)
-    if found.spread > MOST_SPREAD:
+        yield Doubt("cells-in-noise", what, value=shares.noise, unit="1", expected=(0.0, MOST_NOISE))
+    yield from doubts_of_share(shares.cells)
+    if shares.spread > MOST_SPREAD:
         what = (
-            "Cells hardly stand out of the wall: its own standard deviation is "
-            f"{found.spread:.0%} of what cells differ from it by in the median. Some may be missed, some stains of the "
-            "wall."
+            f"Cells hardly stand out of the wall: its own standard deviation is {shares.spread:.0%} of what cells "
+            "differ from it by in the median. Some may be missed, some stains of the wall."
         )
-        yield Doubt("cells-faint", what, value=found.spread, unit="1", expected=(0.0, MOST_SPREAD))
-    if found.unclaimed > MOST_UNCLAIMED:
+        yield Doubt("cells-faint", what, value=shares.spread, unit="1", expected=(0.0, MOST_SPREAD))
+    if shares.unclaimed > MOST_UNCLAIMED:
         what = (
-            f"{found.unclaimed:.1%} of the wall is as dark as cells, but has no clear outline; cells are "
-            f"{found.cells:.1%} of it. Some may be missed."
+            f"{shares.unclaimed:.1%} of the wall is as dark as cells, but has no clear outline; cells are "
+            f"{shares.cells:.1%} of it. Some may be missed."
         )
-        yield Doubt("cells-without-outline", what, value=found.unclaimed, unit="1", expected=(0.0, MOST_UNCLAIMED))
+        yield Doubt("cells-without-outline", what, value=shares.unclaimed, unit="1", expected=(0.0, MOST_UNCLAIMED))
 
 
 def doubts_of_share(cells: float) -> Iterator[Doubt]:

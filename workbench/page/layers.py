@@ -20,7 +20,7 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.window import ChunkCache, stored_image
-from endoct.fusion.evidence.evidence import MASK_MODALITY
+from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment

@@ -135,8 +135,8 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Pr
 
     given = views if relief is None else [*views, _bare(views[0])]
 
-    def look_at(one: Inputs) -> Image:
-        return on_own_samples(_probability(eye, one), one, darkness)
+    def look_at(view: Inputs) -> Image:
+        return on_own_samples(_probability(eye, view), view, darkness)
 
     with _one_thread():
         looks = list(thread_map(look_at, given))
