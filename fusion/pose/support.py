@@ -20,7 +20,7 @@ from endoct.fusion.pose.wall import Sense
 OPEN = "handedness-open"
 """The code of the doubt where no side settles which way θ runs."""
 LEAST_EDGE = 0.5
-"""The weight of its clearest edge from which on a row shows an edge; it is 1 for an edge that is half air."""
+"""A row shows an edge where its clearest one has more weight than this; an edge that is half air has 1."""
 LONG_BARE_MM = 8.0
 """A stretch without an edge is doubted from this length on, a third of a usual bore."""
 WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
