@@ -34,8 +34,7 @@ from scipy.stats import binomtest
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between

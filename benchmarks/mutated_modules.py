@@ -20,11 +20,15 @@ TESTS: Mapping[str, tuple[str, ...]] = {
         f"{FUSION}/scoring/test_scores.py",
     ),
     "fusion/scoring/raters.py": (f"{FUSION}/scoring/test_raters.py",),
-    "fusion/scoring/scores.py": (f"{FUSION}/scoring/test_scores.py",),
+    "fusion/scoring/scores.py": (
+        f"{FUSION}/scoring/test_reliefs.py",
+        f"{FUSION}/scoring/test_scores.py",
+    ),
     "fusion/registration/align.py": (
         f"{FUSION}/registration/test_align.py",
         f"{FUSION}/registration/test_confidence.py",
         f"{FUSION}/registration/test_stretch.py",
+        f"{FUSION}/test_methods.py",
     ),
     "fusion/registration/search.py": (
         f"{FUSION}/registration/test_align.py",
@@ -45,15 +49,21 @@ TESTS: Mapping[str, tuple[str, ...]] = {
     ),
     "fusion/segmentation/segment.py": (
         f"{FUSION}/segmentation/test_segment.py",
+        f"{FUSION}/segmentation/test_by_depth.py",
         f"{FUSION}/segmentation/test_outlines.py",
     ),
     "fusion/segmentation/regions.py": (f"{FUSION}/segmentation/test_segment.py",),
     "fusion/segmentation/threshold.py": (f"{FUSION}/segmentation/test_threshold.py",),
-    "fusion/geometry/alignment.py": (f"{FUSION}/test_alignment.py",),
+    "fusion/geometry/alignment.py": (
+        f"{FUSION}/registration/test_by_hand.py",
+        f"{FUSION}/test_alignment.py",
+    ),
     "fusion/geometry/placement.py": (f"{FUSION}/test_placement.py",),
-    "fusion/geometry/resample.py": (f"{FUSION}/test_placement.py",),
     "fusion/evidence/evidence.py": (f"{FUSION}/evidence/test_evidence.py",),
-    "fusion/evidence/relief.py": (f"{FUSION}/evidence/test_evidence.py",),
+    "fusion/evidence/relief.py": (
+        f"{FUSION}/evidence/test_evidence.py",
+        f"{FUSION}/segmentation/test_by_depth.py",
+    ),
     "fusion/doubts.py": (f"{FUSION}/test_doubts.py",),
     "fusion/comparison.py": (f"{FUSION}/test_comparison.py",),
     "stitching/motion/feed.py": ("tests/stitching/motion/test_feed.py",),

@@ -29,10 +29,9 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
-from endoct.fusion.pose.clinical import WITHIN
-from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
+from endoct.fusion.pose.finding import PoseAnswer, SidePose, answer, find_alone
 from endoct.fusion.pose.observation import Observation, observe
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import WITHIN, BorePose
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.synthetic.ct_scan import scan
@@ -162,7 +161,7 @@ def _said(sides: Sequence[Observation], ct: CtVolume, plan: Trajectory, name: st
         yield {"case": name, "sides": names, **_row_of(answer(air, plan, of), of)}
 
 
-def _row_of(answered: PoseAnswer, of: Sequence[Found]) -> Row:
+def _row_of(answered: PoseAnswer, of: Sequence[SidePose]) -> Row:
     return {
         "told": answered.reason is None,
         "agreement": max(one.fit.agreement[0] for one in of),

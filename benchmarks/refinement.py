@@ -25,8 +25,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.evidence import Evidence, blurred, clipped
-from endoct.fusion.evidence.prepare import brightness, prepare
+from endoct.fusion.evidence.evidence import Evidence, blurred, brightness, clipped, prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
 from endoct.fusion.registration.refinement import (
     BLURS_MM,

@@ -13,6 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_by_hand,
+    doubts_by_method,
     doubts_of_alignment,
     doubts_of_largest_cell,
     doubts_of_orientation,
@@ -21,10 +22,9 @@ from endoct.fusion.doubts import (
     doubts_of_scale,
     scale_at_limit,
 )
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
-from endoct.fusion.geometry.landmarks import LandmarkPair
+from endoct.fusion.geometry.alignment import LandmarkPair
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
@@ -32,13 +32,13 @@ from endoct.fusion.registration.align import (
     LIKELY_CHANCE,
     Alignment,
     NotAligned,
+    align_by_method,
     align_sides,
     fit_stretched,
     largest_cell_share,
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import Bore, align_by_hand
-from endoct.fusion.registration.by_method import align_by_method, doubts_by_method
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import (
@@ -51,9 +51,8 @@ from endoct.fusion.result import (
     StoredAlignment,
     Threshold,
 )
-from endoct.fusion.scoring.overlap import find_sites, overlap
+from endoct.fusion.scoring.overlap import Surface, find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
-from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place
@@ -70,11 +69,12 @@ def compare_panoramas(
 ) -> Comparison:
     """Align ``b`` to ``a``, segment each on its own samples, bring both to one grid and score them.
 
-    Landmark ``pairs`` correct the alignment or check it. Where no alignment stands out, nor pairs establish one,
-    ``alignment`` is None and ``reason`` says why; B is then placed by its nominal orientation and nothing is scored.
+    Landmark ``pairs`` correct the alignment or check it. Where no alignment stands out, and pairs establish none
+    either, ``alignment`` is None and ``reason`` says why. Then B is placed by its nominal orientation, and nothing is
+    scored.
 
-    Raises :class:`EndoctError` where the bore diameters differ too much, a side has nothing valid, or shows no cells;
-    where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
+    Raises :class:`EndoctError` where the bore diameters differ too much, or a side has nothing valid or shows no cells.
+    Raises it also where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
     """
     return compare_sides(*two_sides(a, b), parameters or CompareParameters(), pairs)
 
@@ -86,9 +86,9 @@ def compare_sides(
     pairs: Sequence[LandmarkPair] = (),
     when_placed: Callable[[Placed], None] = lambda _: None,
 ) -> Comparison:
-    """Compare as :func:`compare_panoramas`; what evidence the sides have prepared already is used again.
+    """Compare as :func:`compare_panoramas` does; evidence that the sides have prepared already is used again.
 
-    ``when_placed`` is called once, with both sides as the comparison will have them, before they are scored.
+    ``when_placed`` is called once before the sides are scored, with both as the comparison will have them.
     """
     if pairs and parameters.correct_twist:
         raise EndoctError(
@@ -155,7 +155,7 @@ def compare_placed(
     alignment: Alignment,
     parameters: CompareParameters,
 ) -> Comparison:
-    """Compare two sides by their ``cells``, of which it is known how B lies in A's frame: nothing is searched for."""
+    """Compare two sides by their ``cells``; it is known how B lies in A's frame, so nothing is searched for."""
     return _placed(both, cells, alignment, None, parameters)
 
 
@@ -209,7 +209,7 @@ def _doubts_of_scale(a: Side, b: Side, alignment: Alignment, parameters: Compare
 
 
 def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentation], alignment: Alignment) -> OwnRows:
-    """Return the overlap on B's own samples, to which A is brought; B is not interpolated at all."""
+    """Return the overlap on B's own samples: A is brought to them, and B is not interpolated at all."""
     a, b = both
     placement = Placement.averaging(a.grid, alignment.inverse(), b.grid)
     one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))
@@ -219,7 +219,7 @@ def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentatio
 
 
 def _reached(valid: Mask) -> Mask:
-    """Return the rows from the first to the last of which a side observed anything, bool (n_z,)."""
+    """Return the rows from the first to the last in which a side observed anything, bool (n_z,)."""
     rows = np.flatnonzero(valid.any(axis=1))
     reached = np.zeros(valid.shape[0], np.bool_)
     if rows.size:

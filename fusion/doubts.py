@@ -1,17 +1,19 @@
 """What speaks against a comparison: its alignment, the cells of its two sides, and the wall that both observed.
 
-Where landmark pairs corrected or established the alignment, that is the first doubt of it.
+Where landmark pairs corrected or established the alignment, that is the first doubt about it.
 """
 
 import math
 from collections.abc import Iterator, Sequence
 from math import hypot
 
+import numpy as np
 from scipy.special import stdtrit
 
 from endoct.base.doubt import Doubt
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
@@ -20,17 +22,19 @@ from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, P
 from endoct.stitching.panorama import LEAST_VALID_SHARE, Panorama
 
 LEAST_DRIFT_MM = 0.1
-"""Cells that drift apart by less are no reason to doubt the alignment,"""
+"""Cells that drift apart by less are no reason to doubt the alignment."""
 BY_CHANCE = 0.005
-"""nor where as many cells as there are would, either way, with this probability (Student's t)."""
+"""Nor are cells that would drift apart as far by chance with this probability, either way (Student's t)."""
 WIDEST_INTERVAL = 0.5
-"""Of a Jaccard index that still says something."""
+"""A Jaccard index with a wider interval says little."""
 FEW_DECIDE = 0.3
-"""By so much may a Jaccard index change without one or two of its cells."""
+"""A Jaccard index may change by so much without one or two of its cells."""
 LARGEST_CELL = 0.9
-"""Of the area of all cells: what one cell may hold for an alignment to rest on more than its outline."""
+"""An alignment rests on one outline alone where one cell holds a larger share of the area of all cells."""
 AT_LIMIT = 1e-4
 """A scale that ends nearer than this to a limit of its search was held there."""
+LARGEST_MISFIT = 3.0
+"""Pairs that lie farther apart than so many times their standard error do not fit one rigid alignment."""
 
 
 def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> Iterator[Doubt]:
@@ -43,8 +47,27 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
 
 
+def doubts_by_method(
+    alignment: Alignment, ours: Alignment | NotAligned, name: str, a: Side, b: Side
+) -> Iterator[Doubt]:
+    """Yield the doubt about an ``alignment`` by the method ``name``, with how far from ``ours`` it is."""
+    what = f"The alignment is that of the method '{name}'; endoct does not judge how far it can be trusted."
+    if isinstance(ours, NotAligned):
+        yield Doubt("aligned-by-method", f"{what} Its own search finds none.")
+        return
+    if (ours.mirrored, ours.z_reversed) != (alignment.mirrored, alignment.z_reversed):
+        yield Doubt("aligned-by-method", f"{what} Its own search has {b.name} the other way around.")
+        return
+    middle_mm = float(b.grid.z_mm.mean())
+    turn_rad = float(wrap_rad(np.float64(alignment.theta_shift_rad - ours.theta_shift_rad)))
+    along_mm = float(alignment.z_to_a(middle_mm) - ours.z_to_a(middle_mm))
+    apart_mm = float(np.hypot(turn_rad * a.grid.radius_mm, along_mm))
+    said = f"{what} In the middle of {b.name} its own search lies {apart_mm:.2f} mm away."
+    yield Doubt("aligned-by-method", said, value=apart_mm, unit="mm", expected=0.0)
+
+
 def doubts_of_largest_cell(share: float) -> Iterator[Doubt]:
-    """Yield the doubt of an alignment that rests on one cell, which has that ``share`` of the area of all cells."""
+    """Yield the doubt about an alignment that rests on one cell, with that ``share`` of the area of all cells."""
     if share > LARGEST_CELL:
         what = (
             f"One cell holds {share:.0%} of the area of all cells: the alignment rests on its outline alone, and is "
@@ -62,9 +85,9 @@ def scale_at_limit(alignment: Alignment, parameters: CompareParameters) -> bool:
 def doubts_of_scale(
     alignment: Alignment, farther: Alignment | None, parameters: CompareParameters, a: Side, b: Side
 ) -> Iterator[Doubt]:
-    """Yield the doubts of a scale that ended at a limit of its search, and of what the sidecars state of lengths.
+    """Yield the doubts about a scale that ended at a limit of its search, and about lengths that the sidecars state.
 
-    ``farther``: where ``b`` lies on ``a`` at a scale beyond that, as one piece; None where it does not.
+    ``farther`` is where ``b`` lies on ``a`` at a scale beyond that limit, as one piece; None where it does not.
     """
     low, high = parameters.z_scale_min, parameters.z_scale_max
     beyond = f"it fits best at {farther.z_scale:.3f}" if farther else "no other lays it there as one piece"
@@ -88,7 +111,7 @@ def doubts_of_scale(
 
 
 def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
-    """Yield the doubt that parts of the wall raise which do not lie where the alignment puts side ``of``."""
+    """Yield the doubt about ``parts`` of the wall that do not lie where the alignment puts side ``of``."""
     if not parts:
         return
     worst = parts[0]
@@ -106,9 +129,9 @@ def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
     yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, worst.limit_mm))
 
 
-def doubts_of_orientation(alignment: Alignment, one: Panorama, two: Panorama, of: str) -> Iterator[Doubt]:
-    """Yield what an alignment of ``two``, the side ``of``, says against orientations that the sidecars state."""
-    if alignment.mirrored and one.handedness_known and two.handedness_known:
+def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: str) -> Iterator[Doubt]:
+    """Yield what an alignment of ``b``, the side ``of``, says against orientations that the sidecars state."""
+    if alignment.mirrored and a.handedness_known and b.handedness_known:
         reversed_too = " and its direction of travel reversed" if alignment.z_reversed else ""
         what = (
             f"{of} fits best with its θ mirrored{reversed_too}, although both sides state which way their θ runs: "
@@ -132,7 +155,7 @@ def doubts_of_result(result: Result) -> Iterator[Doubt]:
 
 
 def _of_score(overlap: Overlap | None) -> Iterator[Doubt]:
-    """Yield the doubts of a Jaccard index that could be any, or that one or two cells decide."""
+    """Yield the doubts about a Jaccard index that could be anything, or that one or two cells decide."""
     if overlap is None or overlap.jaccard is None:
         return
     if (low_high := overlap.jaccard_interval) and low_high[1] - low_high[0] > WIDEST_INTERVAL:
@@ -176,7 +199,7 @@ def _of_drift(drift: Drift) -> Iterator[Doubt]:
 
 
 def _grown_mm(line: Line, drift: Drift) -> float | None:
-    """Return by how much matched cells drift apart over the length on which there are any; None where they do not."""
+    """Return how far matched cells drift apart over the length on which there are any; None where they do not."""
     grown_mm, freedom = line.per_mm * drift.length_mm, (drift.pairs or 0) - 2
     if freedom < 1 or not math.isfinite(grown_mm) or abs(grown_mm) <= LEAST_DRIFT_MM:
         return None
@@ -186,10 +209,6 @@ def _grown_mm(line: Line, drift: Drift) -> float | None:
 
 def _share(jaccard: float | None) -> str:
     return "not known" if jaccard is None else f"{jaccard:.3f}"
-
-
-LARGEST_MISFIT = 3.0
-"""Pairs that lie farther apart than so many times their standard error do not fit one rigid alignment."""
 
 
 def doubts_by_hand(said: ByHand, alignment: Alignment, of: str, parameters: CompareParameters) -> Iterator[Doubt]:

@@ -5,22 +5,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from endoct.base.arrays import Image, readonly
+from endoct.base.arrays import Image, Mask, readonly
 from endoct.base.doubt import Doubt
-from endoct.fusion.difference import COLOURS, draw_difference
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.scoring.overlap import difference
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import contrast_of
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.notebook import card, class_picture, draw_wall, new_wall_axes, wall_picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+COLOURS = ((0xF4, 0xF4, 0xF2), (0x3A, 0x3A, 0x3A), (0xE6, 0x9F, 0x00), (0x00, 0x72, 0xB2))
+"""Red, green and blue for neither, both, only A and only B: Okabe and Ito's, for colour-blind readers too."""
+
+
+def draw_difference(axes: "Axes", grid: SurfaceGrid, a: Mask, b: Mask, valid: Mask, names: tuple[str, str]) -> None:
+    """Draw where the masks ``a`` and ``b`` (n_z, n_theta) differ into ``axes``, with a legend below."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    colours = [(red / 255, green / 255, blue / 255) for red, green, blue in COLOURS]
+    draw_wall(axes, grid, difference(a, b, valid), valid, colours=ListedColormap(colours), limits=(-0.5, 3.5))
+    shares = zip((BOTH, ONLY_A, ONLY_B), ("both", f"only {names[0]}", f"only {names[1]}"), strict=True)
+    handles = [Patch(facecolor=colours[k], label=label) for k, label in shares]
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False, fontsize=8)
+    axes.set_title("cells", loc="left")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,12 +44,12 @@ class PlacedSide(Surface):
 
     Attributes
     ----------
-    name: of the side; numbered where both are of one modality ("oct-1", "oct-2").
-    mask, valid: bool, cells and what the side observed. ``labels`` numbers the cells.
+    name: the name of the side, numbered where both are of one modality ("oct-1", "oct-2").
+    mask, valid: bool, its cells and what it observed. ``labels`` numbers the cells.
     intensity: float32, 0 where not valid.
     depth_mm: float32, NaN where the side has none.
-    source, cells: the side on its own samples, and its cells there. None, as ``relief_mm``, ``relief_error_mm`` and
-        ``contrast`` are, where the comparison was read from a store.
+    source, cells: the side on its own samples, and its cells there. They are None where the comparison was read from
+        a store, as are ``relief_mm``, ``relief_error_mm`` and ``contrast``.
     """
 
     intensity: Image
@@ -74,9 +89,9 @@ class Comparison:
     sides: A first.
     alignment: where B lies in A's frame; None where that could not be found.
     reason: why not, in a full sentence; None where it was found.
-    result: what ``result.json`` says; from :func:`~endoct.fusion.comparison.compare_panoramas` what fusion knows of it.
-    cells: the cells of both sides as objects, A's first; empty where the comparison was read from a store written
-        before there were any.
+    result: what ``result.json`` says. :func:`~endoct.fusion.comparison.compare_panoramas` gives only what fusion knows.
+    cells: the cells of both sides as objects, A's first. Empty where it was read from a store of a version without
+        them.
     """
 
     grid: SurfaceGrid
@@ -100,8 +115,6 @@ class Comparison:
         return f"<Comparison of {' and '.join(self.names)}: {self._agreement()}>"
 
     def _repr_html_(self) -> str:
-        from endoct.stitching.notebook import card, class_picture, wall_picture
-
         (a, b), both = self.sides, self.sides[0].valid & self.sides[1].valid
         pictures = [(side.name, wall_picture(self.grid, side.intensity, side.valid)) for side in self.sides]
         if self.alignment is not None:
@@ -133,8 +146,6 @@ class Comparison:
 
         z in mm against θ in degrees; what was not observed stays pale blue. Needs matplotlib only when it is called.
         """
-        from endoct.stitching.notebook import draw_wall, new_wall_axes
-
         (a, b), both = self.sides, self.sides[0].valid & self.sides[1].valid
         axes = new_wall_axes(self.grid, 2 if self.alignment is None else 3)
         for side, one in zip(self.sides, axes, strict=False):
@@ -147,7 +158,7 @@ class Comparison:
 
 
 def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid) -> PlacedSide:
-    """Return a side with its ``cells`` on ``grid``, ``sampling`` saying where its samples lie."""
+    """Return a side with its ``cells`` on ``grid``; ``sampling`` says where its samples lie."""
     panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
     relief, parallax = side.relief, side.parallax

@@ -16,7 +16,7 @@ from starlette.applications import Starlette
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.cells import measure
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface
 from endoct.workbench.page.serving import listening_socket, page_or_table
 
 PAIR = {

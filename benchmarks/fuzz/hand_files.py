@@ -15,11 +15,11 @@ def try_session(path: Path) -> None:
 def try_drawn(path: Path) -> None:
     """Read the masks that `endoct compare` keeps."""
     from endoct.base.zarr.window import ChunkCache, stored_image
-    from endoct.fusion.files.drawn_store import NAME, read_drawn
+    from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
 
     if (drawn := read_drawn(path)) is None:
         return
     for k in range(len(drawn.drawn_by)):
         for part in ("mask", "valid"):
-            image = stored_image(path / NAME / part, ChunkCache(), (k,))
+            image = stored_image(path / DRAWN_STORE / part, ChunkCache(), (k,))
             image.read(slice(0, image.shape[0]), slice(0, image.shape[1]))

@@ -355,7 +355,7 @@ _ALL = (
     Reader("describe", _describe, _seeds("seed_results", "result_seeds", "panorama_seeds"), 2),
     Reader("summary", _summary, _seeds("seed_results", "summary_seeds"), 2),
     Reader("session", try_session, _seeds("seed_results", "session_seeds"), 2, needs="endoct.fusion.files.session"),
-    Reader("drawn", try_drawn, _seeds("seed_results", "drawn_seeds"), 1, needs="endoct.fusion.files.drawn_store"),
+    Reader("drawn", try_drawn, _seeds("seed_results", "drawn_seeds"), 1, needs="endoct.fusion.files.masks"),
     Reader("truth", _truth, _seeds("seed_results", "truth_seeds"), 1.5),
     Reader("specimens", _specimens, _seeds("seed_sets", "set_seeds"), 2),
     Reader("records", _records, _seeds("seed_sets", "record_seeds"), 2),

@@ -15,13 +15,10 @@ from benchmarks.fuzz.seed_drawings import pictures
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
-from endoct.fusion.files.drawn_store import save_drawings
-from endoct.fusion.files.masks import mask_on
+from endoct.fusion.files.masks import DRAWN_STORE, mask_on, save_drawings
 from endoct.fusion.files.session import Identity, Session
 from endoct.fusion.files.store import save_comparison
-from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.landmarks import LandmarkPair, Place
+from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place
 from endoct.fusion.registration.by_hand import Bore, judge
 from endoct.fusion.result import (
     CorrectedTwist,

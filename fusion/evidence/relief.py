@@ -1,35 +1,45 @@
-"""How far the surface lies behind the wall around it: the wall is fitted between the cells, slice by slice."""
+"""How far the surface lies behind the wall around it, by depth that was measured or that parallax tells.
+
+The wall is fitted between the cells, slice by slice.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.harmonics import harmonics
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, robust_sigmas
+from endoct.stitching.panorama import Panorama
 
 WALL_HARMONICS = 2
 WALL_QUANTILE = 0.25
-"""Up to three quarters of a neighbourhood may be cells."""
+"""The quantile of depth that lies on the wall: up to three quarters of a neighbourhood may be cells."""
 SECTORS = 16
 REACHES_MM = (0.05, 0.05, 0.04, 0.03, 0.03, 0.03, 0.03)
 """How far behind the wall samples are still trusted a little, in the rounds of the fit; noise widens it."""
 LEAST_TRUST = 0.15
-"""Where less of a neighbourhood than this is trusted, the wall was missed: there the reach is three times as far."""
+"""Where less of a neighbourhood than this is trusted, the wall was missed: the reach is three times as far there."""
 WALL_SCATTER_MM = (0.008, 0.05)
 NEIGHBOURHOOD_MM = 1.2
 STEADINESS_MM = (0.003, 0.02)
 """Bounds of how far a slice's wall departs from the course along z; slices that are mostly wall show how far."""
 SAMPLES_A_SPECKLE = 8.0
+LEAST_KNOWN = 0.2
+"""Where depth by parallax is known on less of a panorama than this, it does not show where the wall is."""
 
 
 def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     """Return how far every sample lies behind its slice's wall, float32 (n_z, n_theta), mm, 0 where invalid.
 
-    The wall of a slice is an offset and the first two harmonics of θ: a bore that wanders is off the capillary's
-    axis. It changes slowly along z, and nothing lies in front of it, so that a slice that is mostly cells finds
-    its wall where its neighbours have theirs: the wall starts as a low quantile over sectors of θ and
-    ``NEIGHBOURHOOD_MM`` of z, and is then fitted slice by slice by reweighted least squares that trust what lies
-    near or in front of it and not what lies behind, drawn towards the course along z the more, the steadier the
-    slices that are mostly wall are.
+    The wall of a slice is an offset and the first two harmonics of θ, since a bore that wanders is off the
+    capillary's axis. It changes slowly along z, and nothing lies in front of it. So a slice that is mostly cells
+    finds its wall where its neighbours have theirs.
+
+    The wall starts as a low quantile over sectors of θ and ``NEIGHBOURHOOD_MM`` of z. It is then fitted slice by
+    slice, by reweighted least squares. These trust what lies near the wall or in front of it, not what lies behind.
+    Each slice is drawn towards the course along z: the more, the steadier the slices that are mostly wall.
     """
     n_theta = depth_mm.shape[1]
     step = max(1, n_theta // 512)
@@ -64,7 +74,10 @@ def _basis(theta_rad: Coordinates) -> Coordinates:
 
 
 def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates:
-    """Return how far walls fitted alone depart from the course along z, by coefficient, from slices mostly wall."""
+    """Return how far walls fitted alone depart from the course along z, by coefficient.
+
+    Only slices that are mostly wall are asked.
+    """
     mostly_wall = trusted > 0.5
     if mostly_wall.sum() < 5:
         return np.full(departures_mm.shape[1], STEADINESS_MM[0])
@@ -97,7 +110,7 @@ def _first_wall(depth_mm: Coordinates, observed: Mask, basis: Coordinates, z_mm:
 
 
 def _robust_fit(basis: Coordinates, levels: Coordinates, known: Mask) -> Coordinates:
-    """Fit ``levels``, of which some lie too far behind because their sector is all cells."""
+    """Return the fit to ``levels``, some of which lie too far behind because their sector is all cells."""
     fit = np.zeros(basis.shape[1])
     fit[0] = np.quantile(levels[known], WALL_QUANTILE) if known.any() else levels[0]
     ridge = 0.05 * np.eye(basis.shape[1])
@@ -118,3 +131,32 @@ def trust_in(residual: Coordinates | Image, reach: Coordinates | float) -> Coord
     """Return Tukey's weight, which falls to 0 at ``reach`` behind the wall and at three times that before it."""
     relative = np.where(residual > 0, residual / reach, residual / (3 * reach))
     return np.asarray(np.clip(1 - relative**2, 0, None) ** 2, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class ParallaxRelief:
+    """Relief by parallax on a panorama's own samples.
+
+    ``relief_mm`` and its standard error ``error_mm``, float32 (n_z, n_theta), NaN where the depth is not known.
+    """
+
+    relief_mm: Image
+    error_mm: Image
+
+    @cached_property
+    def known(self) -> Mask:
+        """Where it is known, bool (n_z, n_theta)."""
+        return np.isfinite(self.relief_mm)
+
+
+def parallax_relief(panorama: Panorama) -> ParallaxRelief | None:
+    """Return the relief of ``panorama`` by parallax; None where it has no such depth, or too little of it."""
+    depth_mm, error_mm = panorama.parallax_depth_mm, panorama.parallax_error_mm
+    if depth_mm is None or error_mm is None:
+        return None
+    known = panorama.valid & np.isfinite(depth_mm) & np.isfinite(error_mm)
+    if known.mean() < LEAST_KNOWN:
+        return None
+    behind_mm = relief(np.where(known, depth_mm, np.float32(0)), known, panorama.z_mm)
+    unknown = np.float32(np.nan)
+    return ParallaxRelief(np.where(known, behind_mm, unknown), np.where(known, error_mm, unknown))

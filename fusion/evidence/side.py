@@ -1,23 +1,71 @@
-"""One side of a comparison as it came in: its panorama, and the evidence for cells on it, each kind prepared once."""
+"""One side of a comparison as it came in: a panorama or a mask drawn by hand, with the evidence for cells on it."""
 
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.evidence import Evidence, Polarity
-from endoct.fusion.evidence.parallax import ParallaxRelief, parallax_relief
-from endoct.fusion.evidence.prepare import prepare
+import numpy as np
+
+from endoct.base.arrays import Mask
+from endoct.fusion.evidence import MASK_MODALITY
+from endoct.fusion.evidence.evidence import Evidence, Polarity, prepare
+from endoct.fusion.evidence.relief import ParallaxRelief, parallax_relief
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnMask:
+    """The cells that one rater drew in one session.
+
+    Attributes
+    ----------
+    grid: rows and columns of the drawing, over the full circle of θ.
+    mask: the cells, bool (n_z, n_theta).
+    rater, session: texts that say who drew it, and when.
+    drawn_on: the panorama on whose samples it was drawn; None where the drawing has rows of its own.
+    file: the name of the file it was read from.
+    """
+
+    grid: SurfaceGrid
+    mask: Mask
+    rater: str
+    session: str
+    drawn_on: Panorama | None = None
+    file: str = ""
+
+    def lies_on(self, panorama: Panorama) -> bool:
+        """Whether it was drawn on samples that lie where those of ``panorama`` do, and so needs no alignment."""
+        return self.drawn_on is not None and self.grid == panorama.grid
+
+    @cached_property
+    def panorama(self) -> Panorama:
+        """The drawing as a panorama of the modality "mask": intensity 0 or 1, everything valid."""
+        return Panorama(
+            grid=self.grid,
+            intensity=self.mask.astype(np.float32),
+            depth_mm=None,
+            valid=np.ones(self.mask.shape, np.bool_),
+            weight=np.ones(self.mask.shape, np.float32),
+            modality=MASK_MODALITY,
+            # a mask drawn on the other side's panorama has its frame; of any other nothing is known
+            handedness_known=self.drawn_on is not None,
+            travel_known=self.drawn_on is not None,
+            provenance={
+                "drawn_on_other_side": self.drawn_on is not None,
+                "mask": self.file,
+                "rater": self.rater,
+                "session": self.session,
+            },
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
     """A panorama under the name of its side in a comparison; ``drawing`` where that is a mask drawn by hand.
 
-    Evidence is prepared when it is first read, and kept. Reading it raises :class:`EndoctError` where no sample is
-    valid or the intensity is constant.
+    Each kind of evidence is prepared once, when it is first read. Reading it raises :class:`EndoctError` where no
+    sample is valid or the intensity is constant.
     """
 
     name: str

@@ -1,10 +1,10 @@
 """Outlines and labels drawn in other programs, as masks on the samples of a panorama.
 
-- a label or mask image, PNG, TIFF, …, also as napari saves a labels layer: what is not zero is cell, on a
-  transparent ground what is opaque;
-- a Zarr array of labels, or an OME-Zarr image or label group, whose finest level is read;
-- ``.csv`` of a napari shapes layer: polygons, rectangles, ellipses, in (row, column) of the panorama's samples;
-- ``.roi`` and ``.zip`` of Fiji's (ImageJ's) ROI manager: polygons, freehands, rectangles, ovals, in its (x, y).
+- A label or mask image, PNG, TIFF, …, also as napari saves a labels layer. What is not zero is cell; on a transparent
+  ground, what is opaque.
+- A Zarr array of labels, or an OME-Zarr image or label group. Its finest level is read.
+- The ``.csv`` of a napari shapes layer: polygons, rectangles, ellipses, in (row, column) of the panorama's samples.
+- The ``.roi`` and ``.zip`` of Fiji's (ImageJ's) ROI manager: polygons, freehands, rectangles, ovals, in its (x, y).
 
 Outlines may run over the seam of θ: columns beyond the last go on at the first.
 """
@@ -36,7 +36,7 @@ _NAPARI_COLUMNS = ("index", "shape-type", "vertex-index", "axis-0", "axis-1")
 _CLOSED = ("polygon", "rectangle", "ellipse")
 _ELLIPSE_POINTS = 72
 _MOST_BYTES = 64_000_000
-"""Of the file of outlines, expanded."""
+"""A file of outlines may have this size at most, expanded."""
 _MOST_OUTLINES = 10_000
 _FARTHEST_TURNS, _MOST_TURNS = 8, 3
 """An outline may begin some turns away, but hardly run around the bore."""
@@ -46,7 +46,7 @@ _FARTHEST_ROW = 1e6
 def read_drawing(path: Path, shape: tuple[int, int] | None) -> Mask:
     """Return the cells drawn in ``path``, bool (n_z, n_theta).
 
-    ``shape`` is that of the panorama drawn on, which outlines need and images have themselves. Raises
+    ``shape`` is that of the panorama drawn on; outlines need it, images have one themselves. Raises
     :class:`EndoctError` where the file cannot be read or shows no cells.
     """
     if path.is_dir():
@@ -84,7 +84,7 @@ def _stored(path: Path) -> Mask:
 
 
 def _finest(path: Path) -> Declared:
-    """Return the array at ``path``, or of the OME-Zarr group there the one of the finest level."""
+    """Return the array at ``path``, or that of the finest level of the OME-Zarr group there."""
     with refusing(
         f"{path} holds no labels",
         expected="a Zarr array, or an OME-Zarr group with its levels listed",
@@ -145,7 +145,10 @@ def _opaque(drawn: Mask, opaque: Mask, path: Path) -> Mask:
 
 
 def _numbered(labels: NDArray[Any], palette: NDArray[Any], path: Path) -> Mask:
-    """Return where labels are not 0. Raises where their colours say that another label is the ground."""
+    """Return where labels are not 0.
+
+    Raises :class:`EndoctError` where their colours say that another label is the ground.
+    """
     black = palette.reshape(len(palette), -1).max(axis=1) == 0
     if not black[0] and black[labels].any():
         raise EndoctError(
@@ -231,16 +234,16 @@ def _no_shapes(path: Path, columns: list[str]) -> EndoctError:
     )
 
 
-def _shape(what: str, vertices: list[tuple[str, float, float]]) -> Coordinates:
+def _shape(name: str, vertices: list[tuple[str, float, float]]) -> Coordinates:
     kind = vertices[0][0]
     if kind not in _CLOSED:
-        raise EndoctError(f"{what} encloses nothing", found=kind[:40], expected=", ".join(_CLOSED), remedy="remove it")
+        raise EndoctError(f"{name} encloses nothing", found=kind[:40], expected=", ".join(_CLOSED), remedy="remove it")
     points = np.array([(row, column) for _, row, column in vertices])
     if not all(math.isfinite(value) for value in points.ravel()):
-        raise EndoctError(f"{what} cannot be used", found="NaN or infinity", expected="numbers")
+        raise EndoctError(f"{name} cannot be used", found="NaN or infinity", expected="numbers")
     if len(points) < 3 or (kind == "ellipse" and len(points) != 4):
         expected = "four corners" if kind == "ellipse" else "three at least"
-        raise EndoctError(f"{what} encloses nothing", found=f"{len(points)} points", expected=expected)
+        raise EndoctError(f"{name} encloses nothing", found=f"{len(points)} points", expected=expected)
     return _ellipse(points) if kind == "ellipse" else points
 
 
@@ -260,7 +263,7 @@ def _fiji(path: Path) -> Iterator[Coordinates]:
         raise EndoctError(
             f"{path} needs a library that is not installed", found="no roifile", remedy="pip install 'endoct[fiji]'"
         ) from error
-    # what is wrong with a file is said once, by an EndoctError, not also by the library that reads it
+    # an EndoctError says what is wrong with a file; the library that reads it need not say so as well
     logging.getLogger("roifile").addHandler(logging.NullHandler())
     kinds = roifile.ROI_TYPE
     for data in _regions(path):

@@ -1,4 +1,4 @@
-"""``result.json`` of a comparison, read back: whatever somebody made of it, all of it is what it should be."""
+"""``result.json`` of a comparison, read back and checked: all of it is what it should be, whoever wrote it."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +12,7 @@ from endoct.base.files.json_values import read_object
 from endoct.fusion.result import Result
 
 MOST_BYTES = 16_000_000
-"""They take some twenty times that in memory at worst; a result has some ten kilobytes."""
+"""Largest file that is read. It takes some twenty times that in memory at worst; a result has some ten kilobytes."""
 DEEPEST = 20
 EXPECTED = "a folder written by `endoct compare`"
 
@@ -20,8 +20,8 @@ EXPECTED = "a folder written by `endoct compare`"
 def read_result(folder: Path) -> Result:
     """Return what ``folder/result.json`` holds.
 
-    Raises :class:`EndoctError` where it is missing, not as it was written, larger than 16 MB, no JSON object, nested
-    more than 20 deep, or something in it is not of its kind.
+    Raises :class:`EndoctError` where it is missing, was changed since it was written, or is larger than 16 MB. Raises
+    it also where it is no JSON object, is nested more than 20 deep, or something in it is not of its kind.
     """
     stored = _stored(folder)
     try:

@@ -1,4 +1,4 @@
-"""Session files: what somebody pointed out on two sides by hand, with what tells these sides from all others."""
+"""Session files: what somebody pointed out on two sides by hand, and which sides these are."""
 
 import hashlib
 import json
@@ -12,14 +12,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import SMALL_BYTES, read_small
-from endoct.fusion.geometry.landmarks import USUAL_SIGMA_MM, LandmarkPair, Place, Role
+from endoct.fusion.geometry.alignment import USUAL_SIGMA_MM, LandmarkPair, Place, Role
 from endoct.modalities.acquisition import MOST_PLACE_MM
 from endoct.stitching.panorama import Panorama
 
 NAME = "session.json"
-"""Of the session file in the folder of its comparison."""
+"""The name of the session file in the folder of its comparison."""
 MASKS = "masks"
-"""The folder next to it in which the page saves masks."""
+"""The folder next to the session file in which the page saves masks."""
 FORMAT: Literal["endoct-session-1"] = "endoct-session-1"
 MOST_PAIRS = 1000
 WRITTEN_BY = "a file that the page of `endoct serve` wrote"
@@ -69,10 +69,10 @@ class _Pairs(BaseModel):
 
 @dataclass(frozen=True)
 class Identity:
-    """What tells a side from others: its ``name``, and the sha256 of its ``recording`` and of how that was ``read_as``.
+    """Which side this is: its ``name``, and the sha256 of its ``recording`` and of how that was ``read_as``.
 
-    ``recording`` stands for the files without their sidecar, ``read_as`` for what the sidecar says: pitch, directions
-    and origin are what places on the wall are counted by.
+    ``recording`` stands for the files without their sidecar, ``read_as`` for what the sidecar says. Places on the wall
+    depend on it: on pitch, directions and origin.
     """
 
     name: str
@@ -111,7 +111,7 @@ def pair_json(pair: LandmarkPair) -> dict[str, object]:
 def identity_of(name: str, panorama: Panorama) -> Identity:
     """Return the identity of the side ``name``: by the recording that ``panorama`` was made from, else by its samples.
 
-    The same for a recording and for the panorama that was stored of it.
+    A recording and a panorama that was stored of it have the same identity.
     """
     recorded = recorded_identity(name, panorama.provenance)
     if recorded is not None:
@@ -123,7 +123,7 @@ def identity_of(name: str, panorama: Panorama) -> Identity:
 
 
 def recorded_identity(name: str, provenance: Mapping[str, Any]) -> Identity | None:
-    """Return the identity of a side by its recording; None where its panorama does not say from which it was made."""
+    """Return the identity of a side by its recording; None where its panorama does not name the recording."""
     inputs, acquisition = provenance.get("inputs"), provenance.get("acquisition")
     if not isinstance(inputs, Mapping) or not isinstance(acquisition, Mapping):
         return None

@@ -1,20 +1,26 @@
-"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads, next to ``result.json``."""
+"""Comparisons on disk: ``comparison.zarr``, which ``xarray.open_zarr`` reads, next to ``result.json``.
 
+Cells are rows: of ``cells.csv`` for people, and of an array of numbers in ``comparison.zarr``.
+"""
+
+import csv
 import json
-from collections.abc import Mapping
+import math
+import types
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import plain_name
+from endoct.base.files.files import plain_name, spreadsheet_text
 from endoct.base.files.json_values import an_object, number
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
-from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
@@ -25,16 +31,77 @@ from endoct.stitching.store import stored_grid
 
 FORMAT = "endoct-comparison-1"
 IMAGES = ("intensity", "depth_mm", "mask", "valid")
-_LARGEST = 1e9
-"""No length in mm, ratio or the like is larger."""
+PROPERTIES = tuple(field.name for field in fields(Cell))
+_KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}
+_SIDES = ("side", "depth_of", "seen_by")
+"""Properties that name a side. A number stands for it: its place among the sides, and 2 for "both"."""
+_MOST = {"side": 1, "depth_of": 1, "seen_by": 2}
+LARGEST = 1e9
+"""No id, area, depth, length in mm or ratio is larger."""
+
+
+def write_cells(cells: Sequence[Cell], path: Path) -> None:
+    """Write one row for each cell, columns as the fields of :class:`Cell`, empty where unknown."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(PROPERTIES)
+        writer.writerows([_text(getattr(cell, name)) for name in PROPERTIES] for cell in cells)
+
+
+def as_numbers(cells: Sequence[Cell], sides: tuple[str, str]) -> Coordinates:
+    """Return float64 (n_cells, n_properties) in the order of ``PROPERTIES``, NaN where unknown."""
+    codes = {name: float(k) for k, name in enumerate((*sides, "both"))} | {None: np.nan}
+    table = np.full((len(cells), len(PROPERTIES)), np.nan)
+    for row, cell in enumerate(cells):
+        for column, name in enumerate(PROPERTIES):
+            value = getattr(cell, name)
+            if name in _SIDES:
+                table[row, column] = codes[value]
+            elif value is not None:
+                table[row, column] = value
+    return table
+
+
+def from_numbers(table: Coordinates, sides: tuple[str, str]) -> tuple[Cell, ...]:
+    """Return the cells that :func:`as_numbers` made a table of. Raises :class:`EndoctError` for any other table."""
+    if table.ndim != 2 or table.shape[1] != len(PROPERTIES) or table.dtype.kind != "f":
+        found = f"{table.dtype} {table.shape}"
+        raise EndoctError("the table of cells cannot be used", found=found, expected=f"(n, {len(PROPERTIES)}) floats")
+    names = (*sides, "both")
+
+    def value(name: str, number: float) -> Any:
+        kind = _KINDS[name]
+        if math.isnan(number) and isinstance(kind, types.UnionType):
+            return None
+        # "int | None" holds an int
+        inner = next(iter(get_args(kind))) if isinstance(kind, types.UnionType) else kind
+        whole, most = name in _SIDES or inner in (int, bool), _MOST.get(name, 1 if inner is bool else LARGEST)
+        if not -LARGEST <= number <= most or (whole and (number < 0 or number != int(number))):
+            raise EndoctError(f"{name} of a cell cannot be used", found=f"{number:g}")
+        return names[int(number)] if name in _SIDES else inner(number)
+
+    cells = tuple(Cell(**{n: value(n, float(x)) for n, x in zip(PROPERTIES, row, strict=True)}) for row in table)
+    known = {(cell.side, cell.id) for cell in cells}
+    other = {sides[0]: sides[1], sides[1]: sides[0]}
+    if len(known) < len(cells) or any(c.partner and (other[c.side], c.partner) not in known for c in cells):
+        raise EndoctError("the table of cells cannot be used", found="cells or partners that are not one each")
+    return cells
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, str):  # the name of a side, which a plug-in chose
+        return spreadsheet_text(value)
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def save_comparison(comparison: Comparison, path: Path) -> None:
     """Write ``comparison`` to ``path``, which must not exist (see :func:`endoct.base.files.output.new_output`).
 
-    Dims (side, z, theta) with coordinates in mm and rad; variables ``intensity``, ``depth_mm``, ``mask``, ``valid``;
-    and ``cells`` on dims (cell, property). Its attributes give the grid, and as JSON the ``alignment`` by which B was
-    placed in A's frame, or the ``reason`` why there is none. The rest of the result is left to ``result.json``.
+    The variables ``intensity``, ``depth_mm``, ``mask`` and ``valid`` have dims (side, z, theta), with coordinates in mm
+    and rad; ``cells`` has dims (cell, property). The attributes give the grid. As JSON they give the ``alignment`` by
+    which B was placed in A's frame, or the ``reason`` why there is none. The rest is left to ``result.json``.
     """
     grid, dims = comparison.grid, ("side", "z", "theta")
     chunks = (1, min(grid.n_z, 512), grid.n_theta)
@@ -72,9 +139,7 @@ def load_comparison(path: Path) -> Comparison:
     something else, or damaged, or where the two are of different sides.
     """
     with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
-        attributes = read_attributes(path) if path.is_dir() else {}
-        if attributes.get("format") != FORMAT:
-            raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
+        attributes = _attributes(path)
         return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes)
 
 
@@ -95,9 +160,7 @@ def read_outline(path: Path) -> ComparisonOutline:
     Raises :class:`EndoctError` as :func:`load_comparison` does.
     """
     with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
-        attributes = read_attributes(path) if path.is_dir() else {}
-        if attributes.get("format") != FORMAT:
-            raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
+        attributes = _attributes(path)
         what, shape = f"the comparison {path}", declared(path / "mask", OWN).shape
         arrays = read_arrays(path, ("cells", "side"))
         if len(shape) != 3 or shape[0] != 2 or "side" not in arrays:
@@ -110,6 +173,13 @@ def read_outline(path: Path) -> ComparisonOutline:
             result=_result_of(names, path),
             cells=from_numbers(arrays["cells"], names) if "cells" in arrays else (),
         )
+
+
+def _attributes(path: Path) -> Mapping[str, Any]:
+    attributes = read_attributes(path) if path.is_dir() else {}
+    if attributes.get("format") != FORMAT:
+        raise EndoctError(f"{path} is no comparison", expected="a store written by `endoct compare`")
+    return attributes
 
 
 def _result_of(names: tuple[str, str], path: Path) -> Result:
@@ -146,10 +216,10 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
     )
 
 
-def _stored(attributes: Mapping[str, object], name: str, what: str) -> object:
+def _stored(attributes: Mapping[str, object], name: str, of: str) -> object:
     text = attributes.get(name)
     if not isinstance(text, str):
-        raise EndoctError(f"{what} is not whole", found=f"no '{name}' in its attributes")
+        raise EndoctError(f"{of} is not whole", found=f"no '{name}' in its attributes")
     value: object = json.loads(text)
     return value
 
@@ -164,30 +234,30 @@ def _side(name: str, arrays: Mapping[str, NDArray[Any]], k: int) -> PlacedSide:
     )
 
 
-def _names(stored: NDArray[Any], what: str) -> tuple[str, str]:
+def _names(stored: NDArray[Any], of: str) -> tuple[str, str]:
     """Return the names of the sides, which become names of files."""
-    names = [plain_name(name, f"a side of {what}") for name in stored.ravel().tolist()]
+    names = [plain_name(name, f"a side of {of}") for name in stored.ravel().tolist()]
     if len(names) != 2 or names[0] == names[1] or "both" in names:
-        raise EndoctError(f"{what} cannot be used", found=f"the sides {', '.join(names)}", expected="two that differ")
+        raise EndoctError(f"{of} cannot be used", found=f"the sides {', '.join(names)}", expected="two that differ")
     return names[0], names[1]
 
 
-def _alignment(stored: object, what: str) -> Alignment:
+def _alignment(stored: object, of: str) -> Alignment:
     """Return the alignment that was ``stored``, every number finite."""
-    what = f"the alignment of {what}"
-    values = dict(an_object(stored, what))
+    of = f"the alignment of {of}"
+    values = dict(an_object(stored, of))
     covariance = values.pop("covariance", None)
     for field in fields(Alignment):
         if field.name not in values:
             continue
         if field.type is bool:
             if not isinstance(values[field.name], bool):
-                raise EndoctError(f"'{field.name}' of {what} cannot be used", expected="true or false")
+                raise EndoctError(f"'{field.name}' of {of} cannot be used", expected="true or false")
         else:
-            values[field.name] = number(values, field.name, -_LARGEST, _LARGEST, what)
+            values[field.name] = number(values, field.name, -LARGEST, LARGEST, of)
     if covariance is not None:
         matrix = np.asarray(covariance, dtype=np.float64)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise EndoctError(f"'covariance' of {what} cannot be used", expected="3 × 3 finite numbers")
+            raise EndoctError(f"'covariance' of {of} cannot be used", expected="3 × 3 finite numbers")
         covariance = as_covariance(matrix)
     return Alignment(**values, covariance=covariance)

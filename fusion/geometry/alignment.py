@@ -1,6 +1,8 @@
-"""How one side lies in the other's frame."""
+"""How one side lies in the other's frame, and pairs of landmarks: one place of the wall on both sides."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,14 +16,20 @@ Covariance = tuple[tuple[float, float, float], tuple[float, float, float], tuple
 class Alignment:
     """Maps side B into side A's frame: θ_A = θ_shift ± θ_B, z_A = z_shift + z_scale·(±z_B).
 
-    θ_B counts negative if ``mirrored``, z_B if ``z_reversed``. ``correlation`` is that of the two sides' evidence
-    for cells in place (its sign says whether they agree or are each other's negative), ``ratio`` how its score
-    compares with the runner-up's anywhere else, ``confidence`` |correlation|·(1 − 1/ratio), ``chance`` how likely a
-    bore that does not match would reach that score (:mod:`endoct.fusion.registration.search`), ``overlap_mm2`` the
-    wall that both have observed. ``uneven_rad`` is the largest smooth departure from a rigid turn, which is estimated
-    but left uncorrected: what uneven rotation and an off-axis probe leave in θ; ``twist_rad_per_mm`` a turn along A's
-    z, likewise. ``covariance`` is that of the error of (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units;
-    None where it was not estimated.
+    Attributes
+    ----------
+    mirrored, z_reversed: whether θ_B, or z_B, counts negative.
+    confidence: |correlation|·(1 − 1/ratio).
+    correlation: of the two sides' evidence for cells in place. Its sign says whether they agree or are each other's
+        negative.
+    ratio: how its score compares with the runner-up's anywhere else.
+    chance: how likely a bore that does not match would reach that score (:mod:`endoct.fusion.registration.search`).
+    overlap_mm2: the wall that both sides observed.
+    uneven_rad: the largest smooth departure from a rigid turn: what uneven rotation and an off-axis probe leave in θ.
+        It is estimated but left uncorrected.
+    twist_rad_per_mm: a turn along A's z, likewise estimated but left uncorrected.
+    covariance: of the error of (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units; None where it was not
+        estimated.
     """
 
     theta_shift_rad: float
@@ -96,13 +104,61 @@ def as_covariance(matrix: Coordinates) -> Covariance:
 
 @dataclass(frozen=True)
 class NotAligned:
-    """No place stood out: why, in a full sentence, and the best there was."""
+    """No place stood out: the ``reason``, in a full sentence, and the ``best`` place there was."""
 
     reason: str
     best: Alignment | None = None
 
 
 Orientation = tuple[bool, bool]
-"""(mirrored, z_reversed)"""
-
+"""The way around that B lies in A's frame: (mirrored, z_reversed)."""
 ALL_ORIENTATIONS: tuple[Orientation, ...] = ((False, False), (True, False), (False, True), (True, True))
+
+Role = Literal["correct", "check"]
+"""What a pair is for: to correct an alignment, or to check it. No pair can check what it has corrected."""
+USUAL_SIGMA_MM = 0.05
+"""Standard error of a place that somebody points out, where nobody says better: the rim of a cell is as wide."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place on the wall of one side, in the frame of that side's own panorama: θ in [0, 2π), z in mm."""
+
+    theta_rad: float
+    z_mm: float
+
+
+@dataclass(frozen=True)
+class LandmarkPair:
+    """One place of the wall on both sides, as somebody pointed it out, with its role and its name.
+
+    ``sigma_mm`` is the standard error of the distance of the two, around the bore as along it.
+    """
+
+    a: Place
+    b: Place
+    role: Role = "correct"
+    name: str = ""
+    sigma_mm: float = USUAL_SIGMA_MM
+
+
+def of_role(pairs: Sequence[LandmarkPair], role: Role) -> tuple[LandmarkPair, ...]:
+    """Return the pairs of one role, in their order."""
+    return tuple(pair for pair in pairs if pair.role == role)
+
+
+def residuals_mm(pairs: Sequence[LandmarkPair], alignment: Alignment, radius_mm: float) -> Coordinates:
+    """Return how far B's place of each pair, moved by ``alignment``, lies off A's: (around, along), (n, 2), mm.
+
+    The distance around the bore is the shorter way on a cylinder of ``radius_mm``.
+    """
+    a, b = columns(pairs)
+    turned = alignment.theta_to_a(b[:, 0]) - a[:, 0]
+    around_mm = radius_mm * (np.mod(turned + np.pi, 2 * np.pi) - np.pi)
+    return np.stack([around_mm, alignment.z_to_a(b[:, 1]) - a[:, 1]], axis=1)
+
+
+def columns(pairs: Sequence[LandmarkPair]) -> tuple[Coordinates, Coordinates]:
+    """Return θ (rad) and z (mm) of the places on A, float64 (n, 2), and of those on B."""
+    both = np.array([(p.a.theta_rad, p.a.z_mm, p.b.theta_rad, p.b.z_mm) for p in pairs], np.float64).reshape(-1, 4)
+    return both[:, :2], both[:, 2:]

@@ -12,21 +12,21 @@ from endoct.modalities.ct.ct_volume import LABEL_SIGMA_VOXELS, CtVolume, holds_l
 from endoct.modalities.ct.trajectory import Trajectory, as_point
 
 STEP_MM = 0.15
-"""Of the samples, half a clinical voxel: a cubic spline between voxels, and straight lines between these samples."""
+"""Distance of the samples, half a clinical voxel. A cubic spline joins voxels, straight lines join these samples."""
 ASIDE_MM, BEYOND_MM = 7.0, 7.0
 AIR_HU, BONE_HU = -1000.0, 300.0
 SPLINE_VOXELS = 16
-"""Voxels farther away than this move a cubic spline by less than a billionth of what they are."""
+"""Voxels farther away than this move a cubic spline by less than a billionth of their value."""
 LEAST_INSIDE = 0.7
-"""Of the samples around the plan that lie in the CT."""
+"""Share of the samples around the plan that must lie in the CT."""
 
 
 @dataclass(frozen=True, eq=False)
 class AirAround:
     """The share of air at places of the plan's bore frame.
 
-    ``values`` (1, 4, z, y, x) float32: the share, 0 bone to 1 air, and its derivatives by x, y and z, 1/mm.
-    ``corner_mm``: x, y and z of the first sample; ``length_mm`` of the plan.
+    ``values``, float32 (1, 4, z, y, x), are the share, 0 for bone to 1 for air, and its derivatives by x, y and z in
+    1/mm. ``corner_mm`` is x, y and z of the first sample; ``length_mm`` is that of the plan.
     """
 
     values: torch.Tensor

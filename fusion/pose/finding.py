@@ -3,9 +3,7 @@
 The answer says where the bore lies, by all sides and by each alone, or why that stays open.
 
 Patterns that cannot be in the bone, made of a side's own pieces, say what chance gives. The best place of such a
-pattern, over the same axes, turns and depths, is what the true one has to beat. There are two kinds. *Turned* ones
-have every piece of the bore where it is, but turned about the axis: how much air there is along the bore stays as
-it is. *Shuffled* ones have the pieces in another order as well.
+pattern, over the same axes, turns and depths, is what the true one has to beat.
 """
 
 from collections.abc import Sequence
@@ -13,41 +11,63 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
-from endoct.fusion.pose.handedness import favours_mirror, mirror_reason, open_handedness
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import (
     ASIDE_MM,
-    ROWS_MM,
     TILT_RAD,
     Candidate,
     Pattern,
     axes_around,
     candidates_along,
+    favours_mirror,
     pattern_of,
     senses_of,
+    shuffled_patterns,
+    turned_patterns,
 )
-from endoct.fusion.pose.support import support_doubts, too_wide
+from endoct.fusion.pose.support import mirror_reason, open_handedness, support_doubts, too_wide
 from endoct.fusion.pose.wall import SHARED
 from endoct.modalities.ct.trajectory import Trajectory
+
+STARTS = 3
+"""A fit begins at so many places of the search that lie apart."""
+APART_MM, APART_RAD = 0.8, 0.35
+BEYOND = 1.25
+"""A fit that ends farther off the plan than so many times what was searched has left the place that it began at."""
+ROUGH, FINE = SOFTNESS[:3], SOFTNESS[3:]
+LEAST_STANDING = 3.0
+"""A pattern has to stand above the mean score of the controls by so many of their spreads. Of 12 bores on tuning seeds,
+ten of them sparse, the least had 3.4. In another bone the most had 2.5."""
+LEAST_ALONG = 2.0
+"""The same along the axis that the other side finds, where a pattern has far fewer places to fit by chance. Seven of
+136 recordings of other bores reached it, and all eleven of the same bore."""
+LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
+"""Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
+MOST_APART = 28.5
+"""The square of how far two sides' axes may lie apart over their covariance. It is χ² of four degrees of freedom, which
+two axes of one bore exceed once in 100 000."""
+CLOSE_AGREEMENT = 0.05
+"""A second pose that lies apart, and fits as well but for so much, leaves open which is right."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseAnswer:
-    """The best ``pose`` there is, of all sides together, and of each ``alone``.
+    """The best ``pose`` there is, by all sides together, and by each ``alone``.
 
-    ``reason``: why it cannot be told, in a full sentence; None where it is told. ``standing``: by side, how far its
-    score lies above that of control patterns, in their spreads. ``doubts``, of a pose that is told, the gravest first:
-    a sense of θ that is not known, long stretches without an edge, wide ellipses, a pattern that hardly stands out, and
-    a side that could not tell the pose alone. The axis is by the other one then, and this one's depth and turn may be
-    wrong.
+    Attributes
+    ----------
+    reason: why it cannot be told, in a full sentence; None where it is told.
+    standing: by side, how far its score lies above that of control patterns, in their spreads.
+    doubts: about a pose that is told, the gravest first. The sense of θ may not be known. Stretches without an edge may
+        be long, the ellipse wide, or the pattern may hardly stand out. A side may be unable to tell the pose alone.
+        Then the axis is by the other one, and this one's depth and turn may be wrong.
     """
 
     pose: BorePose
@@ -57,88 +77,15 @@ class PoseAnswer:
     doubts: tuple[Doubt, ...] = ()
 
 
-PIECE_MM = 4.0
-"""Their mean length."""
-LEAST_HELD = 0.02
-"""Of the mean, what bare rows count for."""
-OF_EACH_KIND = 10
-SEED = 17
-
-
-def turned_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are turned, the same ones for the same pattern."""
-    rng = np.random.default_rng(SEED)
-    n_pieces = _n_pieces(pattern)
-    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)]
-
-
-def shuffled_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are in another order and turned, the same ones for the same pattern."""
-    rng = np.random.default_rng(SEED)
-    n_pieces = _n_pieces(pattern)
-    return [
-        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)
-    ]
-
-
-def _n_pieces(pattern: Pattern) -> int:
-    return max(2, round(pattern.air.shape[0] * ROWS_MM / PIECE_MM))
-
-
-def _turns(rng: np.random.Generator, pattern: Pattern, n_pieces: int) -> Sequence[int]:
-    return [int(turn) for turn in rng.integers(pattern.air.shape[1], size=n_pieces)]
-
-
-def _without_neighbours(rng: np.random.Generator, n_pieces: int) -> Sequence[int]:
-    order = rng.permutation(n_pieces)
-    while n_pieces > 3 and (np.diff(order) == 1).any():
-        order = rng.permutation(n_pieces)
-    return [int(piece) for piece in order]
-
-
-def _pieces(pattern: Pattern, count: int) -> list[NDArray[np.intp]]:
-    """Return the rows of ``count`` pieces that hold as much of the pattern each."""
-    held = (pattern.weight * pattern.air**2).sum(dim=1).cpu().numpy().astype(np.float64)
-    held += LEAST_HELD * held.mean() + 1e-12
-    cuts = np.searchsorted(np.cumsum(held), held.sum() * np.arange(1, count) / count) + 1
-    return np.split(np.arange(held.size), cuts)
-
-
-def _rearranged(pattern: Pattern, order: Sequence[int], turns: Sequence[int]) -> Pattern:
-    rows = _pieces(pattern, len(order))
-    air, weight = (
-        torch.cat([torch.roll(image[rows[piece]], turn, dims=1) for piece, turn in zip(order, turns, strict=True)])
-        for image in (pattern.air, pattern.weight)
-    )
-    return Pattern(air, weight, pattern.sense)
-
-
-STARTS = 3
-"""Places of the search, apart from each other, that a fit begins at."""
-APART_MM, APART_RAD = 0.8, 0.35
-BEYOND = 1.25
-"""Times as far off the plan as axes are looked for: a fit that ends farther off has left what it began from."""
-ROUGH, FINE = SOFTNESS[:3], SOFTNESS[3:]
-LEAST_STANDING = 3.0
-"""Spreads of the controls' scores by which a pattern has to stand above their mean. Of 12 bores on tuning seeds, ten of
-them sparse, the least had 3.4, and in another bone the most 2.5."""
-LEAST_ALONG = 2.0
-"""The same along the axis that the other side finds, where a pattern has far fewer places to fit by chance. Of 136
-recordings of other bores seven reached it, and all eleven of the same bore."""
-LEAST_BY_DEPTH, LEAST_BY_CELLS = 0.4, 0.45
-"""Least agreement with the CT near edges. By cells alone, mirrored bores of the preset 'patient' reach 0.44."""
-MOST_APART = 28.5
-"""Square of how far two sides' axes may lie apart over their covariance: of four degrees of freedom, 1 in 100 000."""
-CLOSE_AGREEMENT = 0.05
-"""A second pose that fits as well but for that, and lies apart, leaves it open which is right."""
-
-
 @dataclass(frozen=True, eq=False)
-class Found:
-    """The best pose of one side; ``second``: how well the best one apart from it agrees, None where all fits met.
+class SidePose:
+    """The best pose of one side alone.
 
-    ``standing``: by how many of the controls' spreads the search's score lies above their mean. ``mirrored``: whether
-    the sense of θ is known, and the mirror image of the CT fits better.
+    Attributes
+    ----------
+    second: how well the best pose apart from it agrees; None where all fits met.
+    standing: how far the score of the search lies above the mean of the controls, in their spreads.
+    mirrored: whether the sense of θ is known, and the mirror image of the CT fits better.
     """
 
     fit: Fit
@@ -148,7 +95,7 @@ class Found:
 
     @property
     def reason(self) -> str | None:
-        """Why this side alone cannot tell, None where it can."""
+        """Why this side cannot tell the pose alone; None where it can."""
         name, agreement, least = self.fit.sides[0].name, self.fit.agreement[0], _least_of(self.fit.sides[0])
         if agreement < least:
             said = f"the {name}'s edges correlate {agreement:.2f} with the CT's at best, {least:g} at least"
@@ -176,35 +123,35 @@ def find_pose(air: AirAround, plan: Trajectory, sides: Sequence[Observation]) ->
     return answer(air, plan, [find_alone(air, side) for side in sides])
 
 
-def answer(air: AirAround, plan: Trajectory, found: Sequence[Found]) -> PoseAnswer:
-    """Return the pose by all sides that were ``found`` alone, or why it cannot be told.
+def answer(air: AirAround, plan: Trajectory, alone: Sequence[SidePose]) -> PoseAnswer:
+    """Return the pose by all sides, each of which was found ``alone``, or why it cannot be told.
 
-    That is where none of them can, where they contradict each other, where a mirror image fits, or where the edges of
-    cells leave it open.
+    It cannot where no side can tell it, where sides contradict each other, or where a mirror image fits. Nor can it
+    where the edges of cells leave it open.
     """
-    together = found[0].fit if len(found) == 1 else fit_together(air, found)
+    together = alone[0].fit if len(alone) == 1 else fit_together(air, alone)
     pose = BorePose(plan, together)
-    reasons = [one.reason for one in found if one.reason is not None]
-    by_mirror, of_hands = _of_hands(air, found, together)
-    reason = "; ".join(reasons) if len(reasons) == len(found) else None
-    reason = reason or by_mirror or _contradiction(air, found) or _stranger(air, found, together) or too_wide(pose)
-    standing = [one.standing for one in found if one.reason is None]
+    reasons = [one.reason for one in alone if one.reason is not None]
+    by_mirror, of_hands = _of_hands(air, alone, together)
+    reason = "; ".join(reasons) if len(reasons) == len(alone) else None
+    reason = reason or by_mirror or _contradiction(air, alone) or _stranger(air, alone, together) or too_wide(pose)
+    standing = [one.standing for one in alone if one.reason is None]
     left_out = (Doubt("side-left-out", f"{one}: its own depth and turn may be wrong") for one in reasons)
     doubts = (*of_hands, *support_doubts(pose, standing), *left_out)
     return PoseAnswer(
         pose=pose,
-        alone=tuple(BorePose(plan, one.fit) for one in found),
+        alone=tuple(BorePose(plan, one.fit) for one in alone),
         reason=reason,
-        standing=tuple(one.standing for one in found),
+        standing=tuple(one.standing for one in alone),
         doubts=() if reason is not None else doubts,
     )
 
 
-def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[str | None, list[Doubt]]:
-    """Return why a mirror image rules the pose out, if it does, and what is doubted of the sense of θ."""
+def _of_hands(air: AirAround, alone: Sequence[SidePose], together: Fit) -> tuple[str | None, list[Doubt]]:
+    """Return why a mirror image rules the pose out, if it does, and doubts about the sense of θ."""
     senses = zip(together.sides, together.senses, strict=True)
     unknown = [(side.name, sense) for side, sense in senses if not side.handed]
-    for one in found if unknown else ():
+    for one in alone if unknown else ():
         if (side := one.fit.sides[0]).handed:
             mirrored = favours_mirror(air, side, together.parameters[:SHARED])
             if mirrored:
@@ -214,15 +161,16 @@ def _of_hands(air: AirAround, found: Sequence[Found], together: Fit) -> tuple[st
     return None, [open_handedness(unknown)] if unknown else []
 
 
-def find_alone(air: AirAround, side: Observation) -> Found:
+def find_alone(air: AirAround, side: Observation) -> SidePose:
     """Return the pose that ``side`` alone has in ``air``."""
     starts, standing, mirrored = searched(air, side)
     return replace(fitted(air, side, starts, standing), mirrored=mirrored)
 
 
 def searched(air: AirAround, side: Observation) -> tuple[list[Candidate], float, bool]:
-    """Return the best candidates that lie apart, by how many spreads of the controls the first stands out, and whether
-    a mirror image fits better where the sense of θ is known.
+    """Return (the best candidates that lie apart; how far the first stands out; whether a mirror image fits better).
+
+    How far it stands out is in spreads of the controls. A mirror image is tried where the sense of θ is known.
     """
     device = str(air.values.device)
     true, controls = _patterns(side, device)
@@ -245,35 +193,35 @@ def standing_along(air: AirAround, side: Observation, axis: Coordinates) -> floa
 
 
 def _patterns(side: Observation, device: str) -> tuple[list[Pattern], list[Pattern]]:
-    """Return the patterns of a side in its senses, and as many controls of either kind."""
+    """Return the patterns of a side in its senses, and controls of it, equally many of either kind."""
     true = [pattern_of(side, sense, device) for sense in senses_of(side)]
     return true, [*turned_patterns(true[0]), *shuffled_patterns(true[0])]
 
 
-def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], standing: float) -> Found:
+def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], standing: float) -> SidePose:
     """Return the best pose of ``side`` that a fit finds from ``starts``."""
     rough = [fit_pose(air, [side], [one.sense], start_of(one), softness=ROUGH) for one in starts]
     rough.sort(key=lambda fit: -fit.agreement[0])
     others = [fit.agreement[0] for fit in rough[1:] if differ(summary(fit), summary(rough[0]), air.length_mm)]
     fit = fit_pose(air, [side], rough[0].senses, torch.as_tensor(rough[0].parameters), softness=FINE)
-    return Found(fit, max(others, default=None), standing)
+    return SidePose(fit, max(others, default=None), standing)
 
 
-def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
+def fit_together(air: AirAround, alone: Sequence[SidePose]) -> Fit:
     """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
 
     The axis is by those that can tell it alone, if any can: another one may lie anywhere, and would pull it there. The
-    fit begins at the axis of that which stands out most of these. A side that found another axis looks along that one
-    anew; where none has to, the fit is only made finer, so that no side leaves the place that it found.
+    fit begins at the axis of the side that stands out most of these. A side that found another axis searches anew along
+    that one. Where none has to, the fit is only made finer, so that no side leaves the place that it found.
     """
-    leading = [one.reason is None for one in found]
+    leading = [one.reason is None for one in alone]
     if not any(leading):
-        leading = [True] * len(found)
-    leader = max((one for one, leads in zip(found, leading, strict=True) if leads), key=lambda one: one.standing)
+        leading = [True] * len(alone)
+    leader = max((one for one, leads in zip(alone, leading, strict=True) if leads), key=lambda one: one.standing)
     axis = leader.fit.parameters[:SHARED]
     start, senses = [torch.as_tensor(axis)], []
     softness: Sequence[float] = FINE
-    for one in found:
+    for one in alone:
         side = one.fit.sides[0]
         if not differ(summary(one.fit), (summary(leader.fit)[0], *summary(one.fit)[1:]), air.length_mm):
             start.append(torch.as_tensor(one.fit.of_side(0)))
@@ -285,41 +233,41 @@ def fit_together(air: AirAround, found: Sequence[Found]) -> Fit:
         start.append(start_of(best)[SHARED:])
         senses.append(best.sense)
         softness = SOFTNESS
-    sides = [one.fit.sides[0] for one in found]
+    sides = [one.fit.sides[0] for one in alone]
     return fit_pose(air, sides, senses, torch.cat(start), softness=softness, leading=leading)
 
 
 def _standing(score: float, of_controls: Sequence[float]) -> float:
-    """Return by how many spreads a score lies above the mean of either kind of controls; 0 where nothing has a pattern.
+    """Return how far a score lies above the mean of controls, in spreads: the less of both kinds; 0 without a pattern.
 
-    ``of_controls``: the scores of the one kind, then as many of the other.
+    ``of_controls`` are the scores of one kind, then as many of the other.
     """
     kinds = np.reshape(of_controls, (2, -1))
     spreads, apart = kinds.std(axis=1, ddof=1), score - kinds.mean(axis=1)
     return float(np.min(apart / spreads)) if (spreads > 0).all() else 0.0
 
 
-def _contradiction(air: AirAround, found: Sequence[Found]) -> str | None:
+def _contradiction(air: AirAround, alone: Sequence[SidePose]) -> str | None:
     """Return how two sides that each stand out contradict each other, None where they do not.
 
-    One of them may show edges too poorly to tell alone, and still be right about where the bore is not.
+    A side that shows edges too poorly to tell the pose alone can still be right about where the bore is not.
     """
-    if len(found) < 2 or any(one.standing < LEAST_STANDING for one in found):
+    if len(alone) < 2 or any(one.standing < LEAST_STANDING for one in alone):
         return None
-    (one, by_one), (other, by_other) = ((each.fit.parameters[:SHARED], each.fit.covariance) for each in found)
+    (one, by_one), (other, by_other) = ((each.fit.parameters[:SHARED], each.fit.covariance) for each in alone)
     apart = one - other
     if apart @ np.linalg.solve((by_one + by_other)[:SHARED, :SHARED], apart) < MOST_APART:
         return None
-    axes = [BorePose(Trajectory((0, 0, 0), (0, 0, air.length_mm)), each.fit) for each in found]
+    axes = [BorePose(Trajectory((0, 0, 0), (0, 0, air.length_mm)), each.fit) for each in alone]
     ends = [axis.axis_lps(np.array([0.0, air.length_mm])) for axis in axes]
     distance = float(np.linalg.norm(ends[0] - ends[1], axis=1).max())
     names = [axis.names[0] for axis in axes]
     return f"{names[0]} and {names[1]} find axes that lie {distance:.2f} mm apart, more than either could be off"
 
 
-def _stranger(air: AirAround, found: Sequence[Found], together: Fit) -> str | None:
-    """Return which side is none of the bore that the other one finds, None where each fits somewhere along it."""
-    for one, side, agreement in zip(found, together.sides, together.agreement, strict=True):
+def _stranger(air: AirAround, alone: Sequence[SidePose], together: Fit) -> str | None:
+    """Return which side is not of the bore that the other one finds; None where each fits somewhere along it."""
+    for one, side, agreement in zip(alone, together.sides, together.agreement, strict=True):
         if one.reason is None:
             continue
         where = f"along the axis that the other side finds the {side.name}'s"
@@ -340,7 +288,7 @@ def _least_of(side: Observation) -> float:
 
 
 Summary = tuple[tuple[float, float, float, float], float, float]
-"""Axis, depth and turn of a pose."""
+"""A pose in short: its axis, depth and turn."""
 
 
 def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]:
@@ -356,15 +304,15 @@ def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]
 
 
 def summary(fit: Fit) -> Summary:
-    """Return axis, depth and turn of the first side's pose."""
+    """Return the axis, depth and turn of the first side's pose."""
     x, y, about_x, about_y = (float(value) for value in fit.parameters[:SHARED])
     depth, turn = (float(value) for value in fit.of_side(0)[:2])
     return (x, y, about_x, about_y), depth, turn
 
 
-def differ(one: Summary, other: Summary, length_mm: float) -> bool:
-    """Whether two poses in the same bone are two places rather than one."""
-    apart = np.abs(np.subtract(one[0], other[0]))
+def differ(here: Summary, there: Summary, length_mm: float) -> bool:
+    """Return whether two poses in the same bone are two places rather than one."""
+    apart = np.abs(np.subtract(here[0], there[0]))
     ends_mm = float(apart[:2].max() + length_mm / 2 * apart[2:].max())
-    turn = abs(float(wrap_rad(np.array(one[2] - other[2]))))
-    return ends_mm > APART_MM or abs(one[1] - other[1]) > APART_MM or turn > APART_RAD
+    turn = abs(float(wrap_rad(np.array(here[2] - there[2]))))
+    return ends_mm > APART_MM or abs(here[1] - there[1]) > APART_MM or turn > APART_RAD

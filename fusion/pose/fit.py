@@ -24,23 +24,23 @@ from endoct.fusion.pose.wall import (
 )
 
 SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
-"""Residuals in shares of air beyond which samples count less and less (Geman and McClure), in turn."""
+"""Samples count less and less beyond these residuals, in shares of air and in turn (Geman and McClure)."""
 ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
 LEAST_VARIANCE = 1e-3
-"""Of residuals, in shares of air: no two instruments see a cell more alike."""
+"""Residuals, in shares of air, have this variance at least: no two instruments see a cell more alike."""
 ALIKE = 0.35
-"""How alike two sides err, which look for the same cells in the same CT: the correlation of their errors across the
+"""How alike two sides err that look for the same cells in the same CT. It is the correlation of their errors across the
 axis at the target, from 46 simulated bores of the preset 'patient', seeds 2000 to 2062."""
 LEAST_FREE = 1.0
-"""Independent samples that are left, at least, beyond the parameters that they determine."""
+"""So many independent samples are left at least, beyond the parameters that they determine."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
-    ``agreement``, by side: the correlation of what it shows near edges with what the CT has there.
+    ``agreement`` is, by side, the correlation of what it shows near edges with what the CT has there.
     """
 
     sides: tuple[Observation, ...]
@@ -74,8 +74,8 @@ def fit_pose(
 ) -> Fit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
-    ``softness``: residuals, in shares of air, beyond which samples count less and less, in turn. ``leading``: which
-    sides move the axis, all unless said; the others only find their own depth and turn along it.
+    Samples count less and less beyond residuals of ``softness``, in shares of air and in turn. ``leading`` says which
+    sides move the axis, all by default. The others only find their own depth and turn along it.
     """
     leading = leading or [True] * len(sides)
     at = start.to(device=air.values.device, dtype=torch.float64).clone()
@@ -101,13 +101,13 @@ def fit_pose(
 
 
 def _part(number: int) -> torch.Tensor:
-    """Return which parameters one side depends on."""
+    """Return the indices of the parameters that one side depends on."""
     return torch.cat([torch.arange(SHARED), SHARED + OF_SIDE * number + torch.arange(OF_SIDE)])
 
 
 @dataclass(frozen=True, eq=False)
 class _Compared:
-    """Samples of all layers of a side (m,): what it shows, its weight, what the CT has, and its change (m, n)."""
+    """Samples of all layers of a side (m,): what it shows, with what weight, what the CT has, and its change (m, n)."""
 
     shown: torch.Tensor
     weight: torch.Tensor
@@ -135,18 +135,18 @@ def _compared(air: AirAround, side: Observation, sense: Sense, at: torch.Tensor,
 
 
 def _levelled(
-    seen: _Compared, levels: tuple[float, float], softness: float
+    samples: _Compared, levels: tuple[float, float], softness: float
 ) -> tuple[tuple[float, float], torch.Tensor, torch.Tensor]:
     """Return gain and offset of what is shown over what the CT has, the robust weights, and the residuals."""
     gain, offset = levels
-    weight = _robust(seen.weight, seen.shown - gain * seen.has - offset, softness)
+    weight = _robust(samples.weight, samples.shown - gain * samples.has - offset, softness)
     total = weight.sum().clamp_min(1e-9)  # 0 where a side shows no edge
-    shown, has = (weight * seen.shown).sum() / total, (weight * seen.has).sum() / total
-    spread = (weight * (seen.has - has) ** 2).sum().clamp_min(1e-9)
-    gain = float(((weight * (seen.has - has) * (seen.shown - shown)).sum() / spread).clamp(*GAINS))
+    shown, has = (weight * samples.shown).sum() / total, (weight * samples.has).sum() / total
+    spread = (weight * (samples.has - has) ** 2).sum().clamp_min(1e-9)
+    gain = float(((weight * (samples.has - has) * (samples.shown - shown)).sum() / spread).clamp(*GAINS))
     offset = float(shown - gain * has)
-    residual = seen.shown - gain * seen.has - offset
-    return (gain, offset), _robust(seen.weight, residual, softness), residual
+    residual = samples.shown - gain * samples.has - offset
+    return (gain, offset), _robust(samples.weight, residual, softness), residual
 
 
 def _robust(weight: torch.Tensor, residual: torch.Tensor, softness: float) -> torch.Tensor:
@@ -155,19 +155,19 @@ def _robust(weight: torch.Tensor, residual: torch.Tensor, softness: float) -> to
 
 
 def _weighed(
-    side: Observation, seen: _Compared, levels: tuple[float, float], softness: float
+    side: Observation, samples: _Compared, levels: tuple[float, float], softness: float
 ) -> tuple[tuple[float, float], torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Return the levels anew, how each parameter changes the samples (m, n), what these count, and their residuals.
+    """Return (new levels; how parameters change the samples, (m, n); how much these count; their residuals).
 
     A sample counts as its share of an independent one, over the variance of them all.
     """
-    levels, weight, residual = _levelled(seen, levels, softness)
+    levels, weight, residual = _levelled(samples, levels, softness)
     variance = ((weight * residual**2).sum() / weight.sum().clamp_min(1e-9)).clamp_min(LEAST_VARIANCE)
-    return levels, levels[0] * seen.moved, weight * _share_of_one(side) / variance, residual
+    return levels, levels[0] * samples.moved, weight * _share_of_one(side) / variance, residual
 
 
 def _share_of_one(side: Observation) -> float:
-    """Return which part of an independent sample each one is."""
+    """Return which share of an independent sample each sample is."""
     step, column = float(side.z_mm[1] - side.z_mm[0]), 2 * np.pi * side.radius_mm / side.layers[0].air.shape[1]
     return float(step * column / side.alike_mm**2 / np.sqrt(len(side.layers)))
 
@@ -199,7 +199,7 @@ def _finished(
 
 
 def _together(each: Sequence[Coordinates]) -> Coordinates:
-    """Return the covariance of the weighted mean of axes that err alike, ``each`` as good as its covariance says."""
+    """Return the covariance of the weighted mean of axes that err alike, from that of ``each``."""
     weights, roots = [np.linalg.inv(one) for one in each], [np.linalg.cholesky(one) for one in each]
     mean = np.linalg.inv(np.sum(weights, axis=0))
     spread = np.linalg.inv(mean)
@@ -213,8 +213,8 @@ def _together(each: Sequence[Coordinates]) -> Coordinates:
 def _of_one(side: Observation, moved: torch.Tensor, counts: torch.Tensor, residual: torch.Tensor) -> Coordinates:
     """Return the covariance (n, n) of one side's fit.
 
-    What edges leave open, and that alone: their residuals are smaller than their errors by as much as the fit went
-    through them, which is much where there are few.
+    It is what edges leave open, and nothing else. The fit goes through the edges, so their residuals are smaller than
+    their errors: much smaller where there are few.
     """
     prior = torch.diag(prior_deviations((side,)).to(moved.device) ** -2)
     of_edges = moved.T @ (moved * counts[:, None])
@@ -227,10 +227,10 @@ def _of_one(side: Observation, moved: torch.Tensor, counts: torch.Tensor, residu
     return np.asarray(covariance.cpu().numpy())
 
 
-def _correlation(seen: _Compared) -> float:
-    """Return the correlation of what is shown with what the CT has, near the edges that are shown."""
-    weight = seen.weight * seen.shown * (1 - seen.shown)
+def _correlation(samples: _Compared) -> float:
+    """Return the correlation of what a side shows with what the CT has, near the edges that the side shows."""
+    weight = samples.weight * samples.shown * (1 - samples.shown)
     weight = weight / weight.sum().clamp_min(1e-12)
-    shown, has = seen.shown - (weight * seen.shown).sum(), seen.has - (weight * seen.has).sum()
+    shown, has = samples.shown - (weight * samples.shown).sum(), samples.has - (weight * samples.has).sum()
     spread = torch.sqrt((weight * shown**2).sum() * (weight * has**2).sum()).clamp_min(1e-12)
     return float((weight * shown * has).sum() / spread)

@@ -1,4 +1,4 @@
-"""What a recording says of air on and behind the wall: the layers that a CT is compared with."""
+"""What a recording shows of the air on the wall and behind it: the layers that a CT is compared with."""
 
 from dataclasses import dataclass, replace
 
@@ -14,26 +14,26 @@ ROWS_MM, COLUMNS = 0.2, 64
 BLUR_MM = 0.2
 """σ that makes the sharp edges of a recording about as soft as those of a clinical CT."""
 LAYERS_MM = (0.1, 0.3, 0.5, 0.8)
-"""Behind the wall, where depth says whether there is air."""
+"""Depths behind the wall at which a side with depth says whether there is air."""
 HIDDEN_MM = 0.25
-"""Farther behind the surface nothing is known."""
+"""Nothing is known farther behind the surface than this."""
 LEAST_KNOWN = 0.3
 EVEN_STEPS = 0.03
-"""Relative spread of the steps between frames below which a drive made them, not a stitching."""
+"""Steps between frames with less relative spread were made by a drive, others found by stitching."""
 DRIVEN_STRETCH_MM, STITCHED_STRETCH_MM = 0.02, 0.12
-"""How far places along the bore may lie off, the scale of the whole aside."""
+"""How far places along the bore may lie off, apart from the scale of the whole."""
 ALIKE_BY_DEPTH_MM, ALIKE_BY_CELLS_MM = 0.5, 0.7
-"""Over which edges err alike: samples closer than this are about one. From 14 sparse and 4 other bores of
+"""Edges err alike over this length: samples that lie closer count as about one. From 14 sparse and 4 other bores of
 benchmarks/second_origin, tuning seeds."""
 ALONG_BY_DEPTH_MM, ALONG_BY_CELLS_MM = 0.02, 0.075
-"""By how much the whole lies off along the bore: from twelve such bores, seeds 100 to 111."""
+"""How far the whole lies off along the bore: from twelve such bores, seeds 100 to 111."""
 RIMS_BY_DEPTH_MM, RIMS_BY_CELLS_MM = 0.02, 0.15
-"""By how much edges that run across the bore may lie farther in or out than others: lamps light rims away from them."""
+"""How much farther in or out edges may lie that run across the bore: lamps light the rims away from them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Air on a cylinder ``behind_mm`` the wall: ``air`` 0 to 1 and ``weight`` 0 to 1, both (n_z, n_theta) float32."""
+    """Air on a cylinder ``behind_mm`` the wall: ``air`` and ``weight``, float32 (n_z, n_theta), 0 to 1 both."""
 
     behind_mm: float
     air: Image
@@ -44,9 +44,13 @@ class Layer:
 class Observation:
     """What one side shows of the air around the bore, columns from θ = 0 on.
 
-    ``stretch_mm``: how far its places along the bore may be off, smoothly; ``along_mm``: how far all of them, which no
-    fit can tell; ``alike_mm``: over which its edges err alike; ``rims_mm``: how far edges that run across the bore may
-    lie off against others; ``handed``, ``directed``: whether the sense of θ and the direction of z are known.
+    Attributes
+    ----------
+    stretch_mm: how far its places along the bore may be off, smoothly.
+    alike_mm: the length over which its edges err alike.
+    along_mm: how far all of its places together may be off along the bore, which no fit can tell.
+    rims_mm: how far edges that run across the bore may lie off against others.
+    handed, directed: whether the sense of θ and the direction of z are known.
     """
 
     name: str
@@ -62,19 +66,19 @@ class Observation:
 
     @property
     def middle_mm(self) -> float:
-        """Of its rows."""
+        """The middle of its rows."""
         return float(self.z_mm[[0, -1]].mean())
 
     @property
     def length_mm(self) -> float:
-        """From its first to its last row."""
+        """The length from its first to its last row."""
         return float(np.ptp(self.z_mm))
 
 
 def observe(side: Side, cells: Mask | None = None) -> Observation:
     """Return what ``side`` shows: where it has depth, the air at some depths, else the cells in its intensity.
 
-    ``cells``: these, bool (n_z, n_theta), if they are at hand.
+    ``cells`` are the latter, bool (n_z, n_theta), if they are at hand.
     """
     panorama = side.panorama
     rows = np.arange(panorama.z_mm[0], panorama.z_mm[-1] + 1e-9, ROWS_MM)

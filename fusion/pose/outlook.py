@@ -1,7 +1,7 @@
 """How well a bore along a plan could be found from its recordings: rehearsals in the CT, before any recording.
 
-The CT also says what lies on the wall of such a bore: how much air, how many cells, and how like itself the wall is
-when turned.
+The CT also shows the wall of such a bore. It says how much air and how many cells it has, and how much the wall
+resembles itself when turned.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +12,8 @@ import numpy as np
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.clinical import BEYOND_MM
-from endoct.fusion.pose.finding import Found, differ, find_alone, summary
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.finding import SidePose, differ, find_alone, summary
+from endoct.fusion.pose.pose import BEYOND_MM, BorePose
 from endoct.fusion.pose.rehearsal import Instrument, Rehearsal, rehearse
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM, unrolled
 from endoct.fusion.pose.wall import TURN
@@ -23,18 +22,22 @@ from endoct.modalities.ct.trajectory import Trajectory
 
 BEHIND_MM = 0.1
 LEAST_EDGE = 0.25
-"""Change of the share of air around a row below which there is no edge of a cell: a voxel half full, blurred."""
+"""Where the share of air around a row changes by less, there is no edge of a cell: a voxel half full, blurred."""
 LEAST_CHANGE = 0.02
-"""Standard deviation of the share of air on a wall that has any pattern."""
+"""A wall has a pattern where the standard deviation of its share of air is at least this."""
 
 
 @dataclass(frozen=True)
 class WallFacts:
     """A wall as the CT has it.
 
-    ``air``: share of the wall; ``cells``: connected ones that the wall meets, θ being a circle; ``longest_bare_mm`` of
-    bore without an edge of a cell; ``likeness``: correlation of the wall with itself turned by ``turn_deg``, the most
-    alike it is away from where it is; None where it has no pattern.
+    Attributes
+    ----------
+    air: the share of the wall that is air.
+    cells: connected cells that the wall meets; θ is a circle.
+    longest_bare_mm: the longest stretch of bore without an edge of a cell.
+    likeness: correlation of the wall with itself when turned by ``turn_deg``, where it is highest away from 0. None
+        where the wall has no pattern.
     """
 
     air: float
@@ -55,7 +58,7 @@ class WallFacts:
 
 
 def wall_of_plan(air: AirAround, radius_mm: float) -> Image:
-    """Return the share of air just behind the wall of a bore along the plan, (n_z, n_theta), rows from its entry on."""
+    """Return the share of air just behind the wall of a bore along the plan, (n_z, n_theta), from its entry on."""
     rows = np.arange(0, air.length_mm + 1e-9, ROWS_MM)
     return np.asarray(unrolled(air, np.zeros((1, 4)), rows, radius_mm + BEHIND_MM)[0].cpu().numpy(), dtype=np.float32)
 
@@ -90,10 +93,10 @@ def _likeness(wall: Image) -> tuple[float | None, float | None]:
 
 
 REHEARSALS = 6
-"""Of each instrument: about a minute of one core for both."""
+"""Rehearsals of each instrument: about a minute of one core for both."""
 SEED = 2017
 LARGEST_ERROR_MM = 0.5
-"""At the target. Surgery at the facial recess asks for 0.3 to 0.5 mm."""
+"""Largest error at the target of a pose that is told well: surgery at the facial recess asks for 0.3 to 0.5 mm."""
 Level = Literal["well", "poorly", "hardly"]
 LEVELS: tuple[Level, ...] = ("hardly", "poorly", "well")
 
@@ -102,10 +105,15 @@ LEVELS: tuple[Level, ...] = ("hardly", "poorly", "well")
 class Tried:
     """One rehearsal: a bore that misses its plan by chance, and where its recording would have been found.
 
-    ``reason``: why it would not have been told, None where it would; ``right``: whether the place found is the true
-    one. ``error_mm``: of the point 5 mm beyond the plan's target; ``turn_deg``: of the roll. ``deviation_mm`` of the
-    axis there, as the fit states it. ``agreement`` of the fit, and of the best ``second`` place apart, None where all
-    starts met.
+    Attributes
+    ----------
+    reason: why it would not have been told; None where it would.
+    right: whether the place that was found is the true one.
+    error_mm: error of the point 5 mm beyond the plan's target.
+    turn_deg: error of the roll.
+    deviation_mm: standard deviation of the axis at that point, as the fit states it.
+    agreement: of the fit.
+    second: agreement of the best place apart from it; None where all starts met.
     """
 
     reason: str | None
@@ -151,7 +159,7 @@ class Prospect:
 
     @property
     def level(self) -> Level:
-        """Well: every one told, rightly and as precisely as surgery asks. Hardly: fewer than half told rightly."""
+        """Well: each is told, rightly and as precisely as surgery asks. Hardly: fewer than half are told rightly."""
         if 2 * self.n_told < len(self.tried):
             return "hardly"
         all_told = self.n_told == len(self.tried)
@@ -183,29 +191,29 @@ class Outlook:
 def rehearsed(
     air: AirAround, instrument: Instrument, radius_mm: float, seen_mm: float, number: int, device: str = "cpu"
 ) -> Tried:
-    """Return how the ``number``-th rehearsal goes: the same for the same CT and plan. ``device``: where to search."""
+    """Return how the ``number``-th rehearsal goes, searched on ``device``: the same for the same CT and plan."""
     # the same bores for every instrument
     rehearsal = rehearse(air, instrument, radius_mm, seen_mm, np.random.default_rng([SEED, number]))
     return _judged(rehearsal, find_alone(air.to(device), rehearsal.shown), air.length_mm)
 
 
-def _judged(rehearsal: Rehearsal, found: Found, length_mm: float) -> Tried:
+def _judged(rehearsal: Rehearsal, alone: SidePose, length_mm: float) -> Tried:
     plan = Trajectory((0.0, 0.0, 0.0), (0.0, 0.0, length_mm))
-    side, fit = rehearsal.shown, found.fit
+    side, fit = rehearsal.shown, alone.fit
     true_fit = replace(fit, parameters=rehearsal.parameters.numpy())
     pose, true = BorePose(plan, fit), BorePose(plan, true_fit)
     last, target_mm = side.z_mm[-1:], length_mm + BEYOND_MM
-    # as far beyond the last row that was seen as the target is from that in truth
+    # as far beyond the last observed row as the target truly is
     depth_mm = float((pose.depth_of(side.name, last) + target_mm - true.depth_of(side.name, last))[0])
     off = pose.axis_lps(np.array([depth_mm])) - true.axis_lps(np.array([target_mm]))
     return Tried(
-        reason=found.reason,
+        reason=alone.reason,
         right=not differ(summary(fit), summary(true_fit), length_mm),
         error_mm=float(np.linalg.norm(off)),
         turn_deg=float(np.degrees(wrap_rad(fit.of_side(0)[TURN] - true_fit.of_side(0)[TURN]))),
         deviation_mm=_deviation(pose, depth_mm),
         agreement=fit.agreement[0],
-        second=found.second,
+        second=alone.second,
     )
 
 

@@ -16,8 +16,9 @@ LEVEL = 0.95
 class Agreement:
     """Limits of agreement of paired differences (Bland and Altman 1986, doi:10.1016/S0140-6736(86)90837-8).
 
-    ``bias``: mean difference; 95 % of differences lie between ``low`` and ``high`` if they are normal; each with its
-    95 % interval, of the limits by the approximation of Bland and Altman 1999 (doi:10.1177/096228029900800204).
+    ``bias`` is the mean difference; 95 % of differences lie between ``low`` and ``high`` if they are normal. Each has
+    its 95 % interval; those of the limits are approximated as by Bland and Altman 1999
+    (doi:10.1177/096228029900800204).
     """
 
     bores: int
@@ -33,7 +34,7 @@ class Agreement:
 class Equivalence:
     """Two one-sided tests (Schuirmann 1987, doi:10.1007/BF01068419) of a mean difference against ± ``bound``.
 
-    ``p``: the larger of both; ``equivalent`` where it is below 0.05.
+    ``p`` is the larger of both; the two are ``equivalent`` where it is below 0.05.
     """
 
     bound: float

@@ -1,4 +1,4 @@
-"""What recordings of a bore that is not drilled yet would show: its wall by the CT, with what instruments get wrong."""
+"""What recordings of a bore would show before it is drilled: its wall by the CT, with the errors of instruments."""
 
 from dataclasses import dataclass, replace
 
@@ -31,14 +31,14 @@ from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Se
 ASIDE_MM, TILT_RAD, ALONG_MM = 1.0, float(np.radians(2.0)), 1.0
 """How far a bore misses its plan at most: at the entry, in direction, and along itself."""
 STEP_MM = 0.05
-"""Between cylinders behind the wall, up to the one where light meets bone."""
+"""Distance of the cylinders behind the wall, up to the one where light meets bone."""
 STEEPNESS = 4.0
 """How much sharper the edges of a recording are than those of a clinical CT."""
 STRETCH_MM, STRETCH_ASIDE_MM = 1.0, 0.06
-"""By how much every stretch of bore seems to lie aside of where it is, by what unrolling and segmentation leave: from
-97 simulated bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
+"""Length of a stretch of bore, and how far it seems to lie aside after unrolling and segmentation. From 97 simulated
+bores of the preset 'patient', seeds 2000 to 2099, and ten in real bone."""
 MISSED, PATCH_MM = 0.17, 0.3
-"""Share of the CT's air on the wall that recordings do not show, and σ of the field whose crests are such patches: the
+"""Share of the CT's air on the wall that recordings do not show, and σ of the field whose crests are such patches. The
 share is that of twelve simulated bores of the preset 'patient', seeds 100 to 111, by OCT and endoscope alike."""
 
 
@@ -46,7 +46,7 @@ share is that of twelve simulated bores of the preset 'patient', seeds 100 to 11
 class Instrument:
     """A kind of instrument, by what it gets wrong.
 
-    ``layers_mm`` behind the wall at which it shows air; the others as of an
+    It shows air at ``layers_mm`` behind the wall. The others are those of an
     :class:`~endoct.fusion.pose.observation.Observation`.
     """
 
@@ -59,9 +59,9 @@ class Instrument:
 
 
 WITH_DEPTH = Instrument("depth", LAYERS_MM, DRIVEN_STRETCH_MM, ALIKE_BY_DEPTH_MM, ALONG_BY_DEPTH_MM, RIMS_BY_DEPTH_MM)
-"""Like OCT."""
+"""An instrument like OCT."""
 BY_CELLS = Instrument("cells", (0.0,), STITCHED_STRETCH_MM, ALIKE_BY_CELLS_MM, ALONG_BY_CELLS_MM, RIMS_BY_CELLS_MM)
-"""Like an endoscope."""
+"""An instrument like an endoscope."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def rehearse(
 
 
 def _drawn(side: Observation, length_mm: float, generator: np.random.Generator) -> torch.Tensor:
-    """Return the pose of a bore that misses its plan, and errors of a recording as likely as they are expected."""
+    """Return parameters drawn at random: the pose of a bore that misses its plan, and errors of a recording."""
     deviations = prior_deviations((side,)).numpy()
     drawn = generator.normal(size=SHARED + OF_SIDE) * deviations
     entry, tilt = ASIDE_MM * _within_circle(generator), TILT_RAD * _within_circle(generator)
@@ -107,7 +107,7 @@ def _drawn(side: Observation, length_mm: float, generator: np.random.Generator) 
 
 
 def _within_circle(generator: np.random.Generator) -> Coordinates:
-    """Return a point (2,) of the unit disc, any place of it as likely."""
+    """Return a random point (2,) of the unit disc, each place equally likely."""
     angle = generator.uniform(0, 2 * np.pi)
     return np.asarray(np.sqrt(generator.random()) * np.array([np.cos(angle), np.sin(angle)]))
 
@@ -115,7 +115,7 @@ def _within_circle(generator: np.random.Generator) -> Coordinates:
 def _layers(
     air: AirAround, instrument: Instrument, side: Observation, parameters: torch.Tensor, generator: np.random.Generator
 ) -> tuple[Layer, ...]:
-    """Return what is shown of the air: a place behind the wall is where no bone is before it."""
+    """Return what is shown of the air: a place behind the wall is open where no bone lies before it."""
     column_mm = 2 * np.pi * side.radius_mm / COLUMNS
     shape = side.layers[0].air.shape
     edge_mm, rims_mm = float(parameters[SHARED + EDGE]), float(parameters[SHARED + RIMS])
@@ -141,7 +141,7 @@ def _layers(
 
 
 def _aside(instrument: Instrument, side: Observation, generator: np.random.Generator) -> Coordinates:
-    """Return how far each row seems to lie off, (n_z, 3): every stretch of the bore across, and all of it along."""
+    """Return how far each row seems to lie off, (n_z, 3): across by stretches of the bore, along as a whole."""
     knots = np.arange(0, side.length_mm + STRETCH_MM, STRETCH_MM)
     across = STRETCH_ASIDE_MM * generator.normal(size=(2, knots.size))
     off = np.full((side.z_mm.size, 3), instrument.along_mm * generator.normal())

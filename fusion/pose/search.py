@@ -2,13 +2,18 @@
 
 For every axis around the plan the CT is unrolled once. A correlation over (θ, z) by Fourier transforms then tries every
 turn and every depth at one go.
+
+Control patterns are made of a side's own pieces, as they cannot be in the bone. Turned ones have every piece of the
+bore where it is, but turned about the axis. So how much air there is along the bore stays as it is. Shuffled ones have
+the pieces in another order as well.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.fft import next_fast_len
 
@@ -18,17 +23,25 @@ from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.wall import Sense
 
 ASIDE_MM, TILT_RAD, DEPTH_MM = 2.0, float(np.radians(4.0)), 2.0
-"""How far off the plan a bore is looked for: its axis at the middle of its length, its tilt, and its ends."""
+"""How far off the plan a bore is searched for: its axis at the middle of its length, its tilt, and its ends."""
 AXES_MM = 0.5
-"""Between two axes, at their middle and at their ends."""
+"""Distance of two axes, at their middle and at their ends."""
 ROWS_MM, COLUMNS = 0.3, 48
 AXES_AT_A_TIME = 32
 LEAST_VARIANCE = 1e-3
+SETTLED = 0.1
+"""By how much one sense of θ has to correlate better than the other to settle which is right."""
+PIECE_MM = 4.0
+"""Mean length of the pieces of a control pattern."""
+LEAST_HELD = 0.02
+"""What bare rows count for when pieces are cut, as a share of the mean."""
+OF_EACH_KIND = 10
+SEED = 17
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A place to begin at: ``axis`` (x, y in mm; tilt about x, y in rad), depth and turn of the side, its senses."""
+    """A place to begin at: ``axis`` (x, y in mm; tilt about x, y in rad), depth and turn of the side, its sense."""
 
     score: float
     axis: tuple[float, float, float, float]
@@ -56,7 +69,7 @@ def senses_of(side: Observation) -> tuple[Sense, ...]:
 
 
 def pattern_of(side: Observation, sense: Sense, device: str = "cpu") -> Pattern:
-    """Return the outermost layer of ``side`` for the search."""
+    """Return the pattern of ``side`` for the search, from its outermost layer."""
     layer = side.layers[0]
     n_from = layer.air.shape[1]
     step = float(side.z_mm[1] - side.z_mm[0])
@@ -127,7 +140,7 @@ def correlations(wall: torch.Tensor, patterns: Sequence[Pattern]) -> Iterator[to
     wall = wall - wall.mean(dim=(1, 2), keepdim=True)
 
     def spectrum(image: torch.Tensor) -> torch.Tensor:
-        """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z), of which rows are transformed back fastest."""
+        """Return a spectrum by θ and z, (…, n_theta / 2 + 1, n_z): so rows are transformed back fastest."""
         found: torch.Tensor = torch.fft.rfft2(image, s=size)
         return found.transpose(-1, -2).contiguous()
 
@@ -165,3 +178,62 @@ def _disc(radius: float, step: float) -> Coordinates:
     first, second = np.meshgrid(line, line)
     inside = np.hypot(first, second) <= radius + 0.3 * step
     return np.stack([first[inside], second[inside]], axis=1)
+
+
+def favours_mirror(air: AirAround, side: Observation, axis: Coordinates) -> bool | None:
+    """Return whether ``side``, whose sense of θ is known, fits the mirror image along ``axis`` (4,); None if open."""
+    known = {sense.turning for sense in senses_of(side)}
+    senses = senses_of(replace(side, handed=False))
+    patterns = [pattern_of(side, sense, str(air.values.device)) for sense in senses]
+    scores = [some[0].score for some in candidates_along(air, side, patterns, axis[np.newaxis])]
+    right = max(score for score, sense in zip(scores, senses, strict=True) if sense.turning in known)
+    wrong = max(score for score, sense in zip(scores, senses, strict=True) if sense.turning not in known)
+    return wrong > right if abs(wrong - right) >= SETTLED else None
+
+
+def turned_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
+    """Return ``count`` patterns whose pieces are turned, the same ones for the same pattern."""
+    rng = np.random.default_rng(SEED)
+    n_pieces = _n_pieces(pattern)
+    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)]
+
+
+def shuffled_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
+    """Return ``count`` patterns whose pieces are in another order and turned, the same ones for the same pattern."""
+    rng = np.random.default_rng(SEED)
+    n_pieces = _n_pieces(pattern)
+    return [
+        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)
+    ]
+
+
+def _n_pieces(pattern: Pattern) -> int:
+    return max(2, round(pattern.air.shape[0] * ROWS_MM / PIECE_MM))
+
+
+def _turns(rng: np.random.Generator, pattern: Pattern, n_pieces: int) -> Sequence[int]:
+    return [int(turn) for turn in rng.integers(pattern.air.shape[1], size=n_pieces)]
+
+
+def _without_neighbours(rng: np.random.Generator, n_pieces: int) -> Sequence[int]:
+    order = rng.permutation(n_pieces)
+    while n_pieces > 3 and (np.diff(order) == 1).any():
+        order = rng.permutation(n_pieces)
+    return [int(piece) for piece in order]
+
+
+def _pieces(pattern: Pattern, count: int) -> list[NDArray[np.intp]]:
+    """Return the rows of ``count`` pieces, each of which holds as much of the pattern."""
+    held = (pattern.weight * pattern.air**2).sum(dim=1).cpu().numpy().astype(np.float64)
+    held += LEAST_HELD * held.mean() + 1e-12
+    cuts = np.searchsorted(np.cumsum(held), held.sum() * np.arange(1, count) / count) + 1
+    return np.split(np.arange(held.size), cuts)
+
+
+def _rearranged(pattern: Pattern, order: Sequence[int], turns: Sequence[int]) -> Pattern:
+    rows = _pieces(pattern, len(order))
+    air, weight = (
+        torch.cat([torch.roll(image[rows[piece]], turn, dims=1) for piece, turn in zip(order, turns, strict=True)])
+        for image in (pattern.air, pattern.weight)
+    )
+    return Pattern(air, weight, pattern.sense)

@@ -10,32 +10,31 @@ from skimage.measure import marching_cubes
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.fusion.pose.clinical import LEVEL, Estimate, sampled_axes
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import LEVEL, BorePose, Estimate, sampled_axes
 from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.modalities.ct.stored import Segment
 from endoct.modalities.ct.trajectory import Trajectory
 
 FACIAL_NERVE = re.compile(r"facial.*nerve|nerv(us|e)?.*facial(is)?|\bcn ?(vii|7)\b", re.IGNORECASE)
-"""Names of the nerve that the facial recess is named for."""
+"""Names of the facial nerve, for which the facial recess is named."""
 NO_STRUCTURES = frozenset(("air", "bone", "bones", "background", "exterior", "skull", "temporalbone"))
 OF_THESE = frozenset(("cell", "cells", "temporal", "mastoid", "petrous", "cortical", "left", "right", "l", "r"))
-"""A name is that of no structure where one of its words is of the first and all others are of the second."""
+"""A name is that of no structure where one word of it is among the first, and all others are among these."""
 MOST_LABELS = 256
-"""Of one segmentation; a volume with more values is none."""
+"""A segmentation has so many labels at most; a volume with more values is none."""
 LONGEST_NAME = 80
 NEAR_MM = 15.0
-"""Of the plan: structures farther away are none of the bore's."""
+"""Structures farther away from the plan than this do not concern the bore."""
 LIKELY_AXES, AXES_AT_A_TIME = 2000, 64
 NEAREST_MM = 3.0
-"""Beyond the nearest point of a structure, no other is nearest for any axis that is likely."""
+"""A point of a structure that lies farther away than its nearest one by this is nearest to no likely axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
     """A labelled structure: ``points_mm`` (n, 3) LPS on its surface, about a voxel of ``voxel_mm`` apart.
 
-    ``name``: as the segmentation has it, or that it is unknown.
+    ``name`` is as the segmentation has it, or says that it is unknown.
     """
 
     label: int
@@ -51,7 +50,10 @@ class Structure:
 
 @dataclass(frozen=True)
 class Clearance:
-    """How far the bore's envelope stays from a structure; < 0: the bore cuts it. ``margin_mm``: at least, at 97.5 %."""
+    """How far the bore's envelope stays from a structure; below 0 the bore cuts it.
+
+    It stays ``margin_mm`` away at least, with 97.5 % confidence.
+    """
 
     label: int
     name: str
@@ -128,8 +130,8 @@ def structures_near(labels: CtVolume, plan: Trajectory) -> tuple[Structure, ...]
 def clearance(pose: BorePose, structure: Structure, radius_mm: float, generator: np.random.Generator) -> Clearance:
     """Return how far the bore's envelope, a cylinder from the entry to the depth of the target, stays from a structure.
 
-    The interval is that of axes drawn as the pose's covariance has them, with surfaces up to half a voxel from where
-    the labels have them. What the segmentation itself gets wrong is not in it.
+    The interval is that of axes drawn from the pose's covariance. Surfaces may lie half a voxel from where the labels
+    have them. Errors of the segmentation itself are not in it.
     """
     length = pose.plan.length_mm
     to_lps = pose.bore_to_lps
@@ -149,7 +151,7 @@ def clearance(pose: BorePose, structure: Structure, radius_mm: float, generator:
     return Clearance(structure.label, structure.name, Estimate(float(apart.min()), low, high), low)
 
 
-def depth_beside(pose: BorePose, structure: Structure) -> float:
+def depth_of_passing(pose: BorePose, structure: Structure) -> float:
     """Return the depth, mm from the entry, at which the bore's axis comes nearest to a structure."""
     to_lps, points = pose.bore_to_lps, structure.points_mm
     local = (points - to_lps[:3, 3]) @ to_lps[:3, :3]
@@ -181,5 +183,5 @@ def _is_none(name: str) -> bool:
 
 
 def _words(name: str) -> str:
-    """Return a name with blanks where programs put other signs: "Facial_Nerve_L"."""
+    """Return a name with blanks in place of other separators, as in "Facial_Nerve_L"."""
     return re.sub(r"[\W_]+", " ", name).strip()

@@ -1,12 +1,14 @@
-"""All that is said of a pose in clinical words, in one place: for the file, the console and the page."""
+"""All that is said of a pose in clinical words, for the file, the console and the page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.fusion.pose.clinical import (
+from endoct.fusion.pose.finding import PoseAnswer
+from endoct.fusion.pose.pose import (
     BEYOND_MM,
+    BorePose,
     Difference,
     Estimate,
     Offset,
@@ -16,9 +18,7 @@ from endoct.fusion.pose.clinical import (
     offset_at,
     roll_of,
 )
-from endoct.fusion.pose.finding import PoseAnswer
-from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_beside
+from endoct.fusion.pose.structures import Clearance, Structure, clearance, depth_of_passing
 from endoct.fusion.pose.support import BareStretch, ellipse_mm, longest_bare_stretch
 
 SEED = 1986
@@ -31,13 +31,14 @@ class PoseSummary:
     Attributes
     ----------
     at_entry, at_target: offset of the axis from the plan at the depths of the plan's entry and target.
-    beyond: the same, 5 mm beyond the target; ``recess``: where the bore passes the facial nerve, if that is labelled.
-    angle_deg: between the axis and the plan.
+    beyond: the same, 5 mm beyond the target.
+    recess: the same where the bore passes the facial nerve; None where that is not labelled.
+    angle_deg: the angle between the axis and the plan.
     ends_mm: by side, the depth along the bore of its first and its last row.
     roll_deg: by side, the angle of its θ = 0 about the axis, from x of the bore frame.
-    bare: the longest stretch of what was seen of the bore without an edge of a cell.
+    bare: the longest observed stretch of the bore without an edge of a cell.
     ellipse_mm: half the long axis of the 95 % ellipse of the axis at ``beyond``.
-    clearances: from each labelled structure.
+    clearances: how far the bore stays from each labelled structure.
     difference: of the two sides' own axes; None for one side.
     """
 
@@ -55,7 +56,7 @@ class PoseSummary:
 
 
 def summary_of(answer: PoseAnswer, structures: Sequence[Structure]) -> PoseSummary:
-    """Return what is said of the pose of all sides, and of the ``structures`` near it."""
+    """Return the pose by all sides in clinical words, with the ``structures`` near it."""
     pose, length = answer.pose, answer.pose.plan.length_mm
     nerve = next((one for one in structures if one.is_facial_nerve), None)
     radius = radius_of(pose)
@@ -63,7 +64,7 @@ def summary_of(answer: PoseAnswer, structures: Sequence[Structure]) -> PoseSumma
         at_entry=offset_at(pose, 0.0),
         at_target=offset_at(pose, length),
         beyond=offset_at(pose, length + BEYOND_MM),
-        recess=None if nerve is None else offset_at(pose, depth_beside(pose, nerve)),
+        recess=None if nerve is None else offset_at(pose, depth_of_passing(pose, nerve)),
         angle_deg=angle_of(pose),
         ends_mm={name: ends_of(pose, name) for name in pose.names},
         roll_deg={name: roll_of(pose, name) for name in pose.names},

@@ -1,4 +1,8 @@
-"""What a pose rests on: where along the bore its sides show edges of cells, and what is doubted where they show few."""
+"""What a pose rests on, and what is doubted of it.
+
+It rests on edges of cells along the bore, and is doubted where its sides show few. It is also doubted where the CT may
+be a mirror image of what was recorded.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,24 +13,26 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from endoct.base.doubt import Doubt
-from endoct.fusion.pose.clinical import BEYOND_MM
 from endoct.fusion.pose.observation import Observation
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import BEYOND_MM, BorePose
+from endoct.fusion.pose.wall import Sense
 
+OPEN = "handedness-open"
+"""The code of the doubt where no side settles which way θ runs."""
 LEAST_EDGE = 0.5
-"""Weight of a row's clearest edge, 1 for one that is half air, from which on the row shows one."""
+"""A row shows an edge where its clearest one has more weight than this; an edge that is half air has 1."""
 LONG_BARE_MM = 8.0
-"""A third of a usual bore: from here on a stretch without an edge is doubted."""
+"""A stretch without an edge is doubted from this length on, a third of a usual bore."""
 WIDE_MM, TOO_WIDE_MM = 0.5, 1.0
-"""Half of the long axis of the 95 % ellipse beyond the target: surgery at the facial recess asks for 0.3 to 0.5 mm."""
+"""Half of the long axis of the 95 % ellipse beyond the target; surgery at the facial recess asks for 0.3 to 0.5 mm."""
 CLEAR_STANDING = 3.5
-"""Spreads above the controls from which on a pattern stands clear of them."""
+"""A pattern stands clear of the controls from so many of their spreads on."""
 REACH = float(np.sqrt(stats.chi2.ppf(0.95, 2)))
 
 
 @dataclass(frozen=True)
 class BareStretch:
-    """Depths, mm from the planned entry, between which the wall that was seen shows no edge of a cell."""
+    """Depths, mm from the planned entry, between which the observed wall shows no edge of a cell."""
 
     from_mm: float
     to_mm: float
@@ -38,12 +44,12 @@ class BareStretch:
 
 
 def longest_bare_stretch(pose: BorePose) -> BareStretch:
-    """Return the longest stretch of what any side saw of the bore in which none shows an edge."""
+    """Return the longest stretch of the bore, as far as any side observed it, in which none shows an edge."""
     return max(_bare_stretches(pose), key=lambda stretch: stretch.length_mm)
 
 
 def drawn_on(pose: BorePose) -> list[BareStretch]:
-    """Return where the axis is drawn on from the rest: what no side saw of the plan's length, long bare stretches."""
+    """Return where the axis is drawn on from the rest: long bare stretches, and what no side observed of the plan."""
     bare = _bare_stretches(pose)
     unseen = BareStretch(0.0, bare[0].from_mm), BareStretch(bare[-1].to_mm, pose.plan.length_mm)
     return [
@@ -53,7 +59,7 @@ def drawn_on(pose: BorePose) -> list[BareStretch]:
 
 
 def _bare_stretches(pose: BorePose) -> list[BareStretch]:
-    """Return the stretches between rows with edges, from the first depth that any side saw to the last."""
+    """Return the stretches between rows with edges, from the first depth that any side observed to the last."""
     seen, edges = [], []
     for name, side in zip(pose.names, pose.fit.sides, strict=True):
         depths = pose.depth_of(name, side.z_mm)
@@ -86,7 +92,7 @@ def too_wide(pose: BorePose) -> str | None:
 
 
 def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[Doubt]:
-    """Yield what is doubted of a pose that is told. ``standing`` of those sides that can tell it alone."""
+    """Yield what is doubted of a pose that is told; ``standing`` is that of the sides that can tell it alone."""
     bare = longest_bare_stretch(pose)
     if bare.length_mm >= LONG_BARE_MM:
         what = (
@@ -105,3 +111,22 @@ def support_doubts(pose: BorePose, standing: Sequence[float]) -> Iterator[Doubt]
             "it may lie elsewhere"
         )
         yield Doubt("weak-pattern", what, value=highest, unit="1")
+
+
+def mirror_reason(side: str) -> str:
+    """Return why nothing is told where a side's mirror image fits."""
+    return (
+        f"the {side}, of which the sense of θ is known, fits the mirror image of the CT: the CT is mirrored, or "
+        "it is of the other ear"
+    )
+
+
+def open_handedness(sides: Sequence[tuple[str, Sense]]) -> Doubt:
+    """Return the doubt about a pose that rests on sides of unknown sense of θ, each with the sense that fits."""
+    names = " and ".join(name for name, _ in sides)
+    fits = ", ".join(f'"{"mirrored" if sense.turning < 0 else "same"}" for {name}' for name, sense in sides)
+    return Doubt(
+        OPEN,
+        f"the sense of θ of {names} is not known: a mirrored CT, or one of the other ear, would fit as well, at a "
+        f"place that is wrong. This pose holds only if handedness is {fits}: state it in the sidecar",
+    )

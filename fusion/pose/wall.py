@@ -1,11 +1,20 @@
 """Where the wall of a bore lies for the parameters of its pose, and how each of them moves it.
 
-Parameters, float64. Shared by all sides: x and y in mm of the bore's axis at the middle of the plan's length, and its
-tilt against the plan as a rotation vector about x and y, rad. Of each side: depth of its middle row along the axis from
-the plan's entry, mm; turn about the axis, rad; relative change of its scale along z; change of the radius, mm; by
-how much the edges of its cells lie outward of those in the CT, mm; by how much more those do that run across the bore,
-at the near and the far end of cells, mm; TWISTS
-coefficients of a slow error of θ along z, rad; STRETCHES of a slow error of z, mm.
+Parameters are float64. All sides share these:
+
+- x and y of the bore's axis at the middle of the plan's length, mm;
+- its tilt against the plan, as a rotation vector about x and y, rad.
+
+Each side has these of its own:
+
+- the depth of its middle row along the axis, from the plan's entry, mm;
+- its turn about the axis, rad;
+- the relative change of its scale along z;
+- the change of the radius, mm;
+- how far the edges of its cells lie outward of those in the CT, mm;
+- how much farther those do that run across the bore, at the near and the far end of cells, mm;
+- ``TWISTS`` coefficients of a slow error of θ along z, rad;
+- ``STRETCHES`` coefficients of a slow error of z, mm.
 """
 
 from dataclasses import dataclass
@@ -22,7 +31,7 @@ DEPTH, TURN, SCALE, RADIUS, EDGE, RIMS, FIRST_TWIST = 0, 1, 2, 3, 4, 5, 6
 FIRST_STRETCH = FIRST_TWIST + TWISTS
 OF_SIDE = FIRST_STRETCH + STRETCHES
 FREE = 100.0
-"""Standard deviation of what is not known beforehand."""
+"""Standard deviation of a parameter that is not known beforehand."""
 SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM, TWIST_PRIOR_RAD = 0.015, 0.02, 0.1, float(np.radians(2.0))
 
 
@@ -35,7 +44,7 @@ class Sense:
 
 
 def prior_deviations(sides: tuple[Observation, ...]) -> torch.Tensor:
-    """Return the standard deviation of every parameter before anything was looked at, (n,)."""
+    """Return the standard deviation of every parameter before any data, (n,)."""
     deviations = [FREE] * SHARED
     for side in sides:
         deviations += [FREE, FREE, SCALE_PRIOR, RADIUS_PRIOR_MM, EDGE_PRIOR_MM, side.rims_mm]
@@ -71,7 +80,7 @@ def along_axis(side: Observation, sense: Sense, of_side: torch.Tensor, z_mm: tor
 
 
 def twist_along(side: Observation, of_side: torch.Tensor, z_mm: torch.Tensor) -> torch.Tensor:
-    """Return by how much θ of rows at ``z_mm`` of a side is to be turned on, rad."""
+    """Return how far θ of rows at ``z_mm`` of a side is to be turned further, rad."""
     return _waves(side, z_mm, range(1, TWISTS + 1)) @ of_side[FIRST_TWIST:FIRST_STRETCH]
 
 
@@ -80,7 +89,7 @@ def wall_places(
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return the places of a side's samples ``behind_mm`` the wall and their derivatives.
 
-    ``parameters`` (SHARED + OF_SIDE,): those shared, then the side's. ``pivot_mm``: half the plan's length.
+    ``parameters`` (SHARED + OF_SIDE,) are those shared, then the side's. ``pivot_mm`` is half the plan's length.
     Returns float64 (n_z, n_theta, 3) in the plan's bore frame, and (n_z, n_theta, 3, SHARED + OF_SIDE).
     """
     shared, of_side = parameters[:SHARED], parameters[SHARED:]
@@ -115,6 +124,6 @@ def wall_places(
 
 
 def _waves(side: Observation, z_mm: torch.Tensor, orders: range) -> torch.Tensor:
-    """Return cosines over the length of a side, (n_z, len(orders)): the first ones of any slow course."""
+    """Return cosines over the length of a side, (n_z, len(orders)), of which any slow course is made."""
     share = (z_mm - side.middle_mm) / max(side.length_mm, 1e-9) + 0.5
     return torch.stack([torch.cos(np.pi * order * share) for order in orders], dim=-1)

@@ -1,8 +1,10 @@
 """Where one side's wall lies in the other side's frame: searched for globally, refined, and believed or not.
 
-The search is exhaustive: masked normalised cross-correlation over every turn (θ is a circle), every shift, a range
-of z scales and every orientation left open. Its sign carries no information and is not used. The best place is
-refined to a fraction of a sample.
+A method that is chosen by name may answer instead; how far that can be trusted is not judged.
+
+The search is exhaustive: masked normalised cross-correlation over every turn, every shift, a range of z scales and
+every orientation left open. θ is a circle. The sign of the correlation carries no information and is not used. The best
+place is refined to a fraction of a sample.
 
 It is believed where it stands out in two ways. One is against the next best place of the same pair
 (``confidence``), the other against what one side, shuffled, reaches on the other (``chance``). Neither alone would
@@ -22,106 +24,54 @@ from typing import Protocol
 import numpy as np
 
 from endoct.base.arrays import Coordinates
-from endoct.fusion.evidence.evidence import Evidence, clipped, correlation
-from endoct.fusion.evidence.prepare import brightness
+from endoct.base.entry_points import answer_by
+from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.evidence import Evidence, brightness, clipped, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
-from endoct.fusion.registration.rigidity import parts_out_of_place
+from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import search
 from endoct.fusion.segmentation.regions import label
 
-FARTHEST = 0.5, 2.0
-"""Scales looked at: a pitch stated at half of what it is, or at twice that."""
-
-
-def stretched(
-    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], searched: tuple[float, float]
-) -> Alignment | None:
-    """Return where ``b`` lies on ``a`` best at a scale from ``FARTHEST`` that is not within ``searched``, refined.
-
-    None where it fits best within, or nowhere.
-    """
-    farthest = min(FARTHEST[0], searched[0]), max(FARTHEST[1], searched[1])
-    best = search(a, b, orientations, farthest)
-    if best is None:
-        return None
-    refined = refine(a, b, best, farthest)
-    return None if searched[0] < refined.z_scale < searched[1] else refined
-
-
-@dataclass(frozen=True)
-class Remedy:
-    """``key`` of the sidecar of ``side``, what it states, and the value at which both sides would agree."""
-
-    side: str
-    key: str
-    stated: float
-    agreeing: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of both values."""
-        return "mm/s" if self.key.endswith("_mm_s") else "mm"
-
-    def __str__(self) -> str:
-        return f"{self.key} = {self.agreeing:.4g} of {self.side} ({self.stated:.4g} is stated)"
-
-
-def remedies(a: Side, b: Side, z_scale: float) -> tuple[Remedy, ...]:
-    """Return what would agree where ``b`` fits ``a`` once its z is multiplied by ``z_scale``.
-
-    A side whose scale its own recording bears out is not suspected unless both are borne out. Empty where no single key
-    sets the scale of a suspected side.
-    """
-    factors = (a, 1 / z_scale), (b, z_scale)
-    suspected = [(side, factor) for side, factor in factors if not _borne_out(side)]
-    return tuple(remedy for side, factor in suspected or factors for remedy in _of(side, factor))
-
-
-def _of(side: Side, factor: float) -> Iterator[Remedy]:
-    for key, value in side.panorama.axial_scale.stated.items():
-        yield Remedy(side.name, key, value, value * factor)
-
-
-def _borne_out(side: Side) -> bool:
-    return side.panorama.axial_scale.checked and not side.panorama.doubts
-
-
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
 
+FARTHEST = 0.5, 2.0
+"""The farthest scales that are looked at: a pitch stated at half of what it is, or at twice."""
 BELIEVABLE = 0.18
 """Least confidence of an alignment that is believed."""
 LIKELY_CHANCE = 1e-4
 """A place that chance would give more often than this is not believed.
 
-Of tuning specimens (benchmarks/confidence.py), 120 wrong and 32 featureless pairs had a confidence of 0.145 at most and
-a chance of 6e-4 at least; 23 of 24 true ones 0.225 at least and 2e-5 at most."""
+Tuning specimens (benchmarks/confidence.py) say how the two part. 120 wrong and 32 featureless pairs had a confidence of
+0.145 at most and a chance of 6e-4 at least. 23 of 24 true ones had 0.225 at least and 2e-5 at most."""
 LEFT_BY_INSTRUMENTS = 0.002, 0.009, 0.002
-"""By how much depth and light of one wall still lie apart after perfect alignment: rad, mm, and of the scale of z.
+"""How far depth and light of one wall still lie apart after perfect alignment: rad, mm, and a share of the scale of z.
 Rotation and feed are known no better, and residuals do not show it."""
 LEFT_BY_CELL = 0.02, 0.01
-"""By how much one cell's middle lies apart in depth and in light, around the bore and along it: mm, and of its width.
-Its floor slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that."""
+"""How far one cell's middle lies apart in depth and in light, around the bore or along it: mm, and a share of its
+width. Its floor slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that."""
 FEW_CELLS = 4.0
-"""Of so many cells that decide, all of that is √2 times as much: few do not make up for each other's faults."""
+"""With so many cells that decide, all of that is √2 times as much: few do not make up for each other's faults."""
 ALIKE = 0.8
-"""Correlation of depth and light at which that holds. The less they are alike, by its square, the more is left."""
+"""The correlation of depth and light at which that holds. What is left grows as its square falls."""
 LEAST_ALIKE = 0.2
-"""These were set by simulated specimens (`quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111) and pairs
-of a second generator that shares nothing with them (benchmarks/independent: few 0–23, sound 0–39, sparse, specks 0–19,
-tiny, mirrors 0–11, many 0–7)."""
+"""A correlation below this counts as this.
+
+All of these were set by simulated specimens: `quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111. Pairs
+of a second generator, which shares nothing with them, had a say too. In benchmarks/independent they are few 0–23, sound
+0–39, sparse, specks 0–19, tiny, mirrors 0–11, many 0–7."""
 UNKNOWN_SLANT = 0.3
-"""Standard deviation of the slant of a view of which nothing is known: cone mirrors of 36° to 54° have −0.4 to 0.9."""
+"""Standard deviation of the slant of an unknown view: cone mirrors of 36° to 54° have −0.4 to 0.9."""
 LEAST_CELL_MM2 = 0.01
 LEAST_SPREAD_MM = 0.5
 CELL_MM = 0.04
-"""Relief beyond which a sample counts as cell when the depth of cells is averaged."""
+"""A sample with more relief counts as cell when the depth of cells is averaged."""
 
 
 class Known(Protocol):
-    """A panorama, or what is known of one."""
+    """A panorama, or what is known of it."""
 
     @property
     def handedness_known(self) -> bool:
@@ -184,7 +134,8 @@ def align(
 
     ``force`` believes the best place however little it stands out.
     """
-    best = search(clipped(a), clipped(b), orientations, z_scale_range)
+    of_a, of_b = clipped(a), clipped(b)
+    best = search(of_a, of_b, orientations, z_scale_range)
     if best is None:
         return NotAligned("The two sides share no structure: at least one shows no cells.")
     if not (force or believable(best)):
@@ -193,14 +144,14 @@ def align(
             f"score is {best.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
             f"{best.chance:.1g}."
         )
-        return NotAligned(reason + _if_turned(clipped(a), clipped(b), orientations, z_scale_range), best)
+        return NotAligned(reason + _if_turned(of_a, of_b, orientations, z_scale_range), best)
     if best.correlation < 0 and "darkness" in (a.kind, b.kind):
         # bright cells: clipping has cut away just what distinguishes them from the wall
         a, b = (a, brightness(b)) if b.kind == "darkness" else (brightness(a), b)
         refined = refine(clipped(a), clipped(b), best, z_scale_range)
         refined = replace(refined, correlation=-refined.correlation)
     else:
-        refined = refine(clipped(a), clipped(b), best, z_scale_range)
+        refined = refine(of_a, of_b, best, z_scale_range)
     return _corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
 
 
@@ -209,8 +160,8 @@ def fit_stretched(
 ) -> Alignment | None:
     """Return where ``b`` lies on ``a`` best at a scale of z beyond ``z_scale_range``.
 
-    None where none stands out, or ``b`` does not lie there as one piece: lost slices or frames shorten a recording too,
-    and no scale makes them good.
+    None where no place stands out, or ``b`` does not lie there as one piece. Lost slices or frames shorten a recording
+    too, and no scale makes them good.
     """
     farther = stretched(clipped(a), clipped(b), orientations, z_scale_range)
     if farther is None or not believable(farther) or parts_out_of_place(a, b, farther):
@@ -218,12 +169,24 @@ def fit_stretched(
     return farther
 
 
-def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
-    """Return ``alignment`` with what always separates depth and light taken off, and the rest added to its covariance.
+def stretched(
+    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], searched: tuple[float, float]
+) -> Alignment | None:
+    """Return where ``b`` lies on ``a`` best at a scale from ``FARTHEST``, refined; None where that is ``searched``."""
+    farthest = min(FARTHEST[0], searched[0]), max(FARTHEST[1], searched[1])
+    best = search(a, b, orientations, farthest)
+    if best is None:
+        return None
+    refined = refine(a, b, best, farthest)
+    return None if searched[0] < refined.z_scale < searched[1] else refined
 
-    Rays that meet the wall at a slant see a cell's near rim where it is, but before its far rim the wall below that
-    rim: until these are as deep as what still counts, the cell's dark part ends early, and its middle lies half of
-    that too near. The scale errs about B's middle.
+
+def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
+    """Return ``alignment`` without what always separates depth and light; what is left widens its covariance.
+
+    Rays that meet the wall at a slant see a cell's near rim where it is. Before its far rim they see the wall below
+    that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts. Its middle
+    lies half of that too near. The scale errs about B's middle.
     """
     light, relief = (b, a) if a.kind == "relief" else (a, b)
     slant = light.slant if light.kind == "darkness" else None
@@ -245,7 +208,7 @@ def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -
 def _covariance_about(middle_mm: float, turn_rad: float, along_mm: float, of_scale: float) -> Coordinates:
     """Return the covariance of (turn, shift, scale), float64 (3, 3), from independent errors of turn, place and scale.
 
-    ``along_mm``: error of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
+    ``along_mm`` is the error of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
     """
     to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * (turn_rad, along_mm, of_scale)
     return np.asarray(to_origin @ to_origin.T)
@@ -254,9 +217,9 @@ def _covariance_about(middle_mm: float, turn_rad: float, along_mm: float, of_sca
 def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknown_mm: float) -> Coordinates:
     """Return what :data:`LEFT_BY_CELL` of all cells together adds to the covariance, float64 (3, 3).
 
-    Cells tell where the wall lies where they are: farther along the bore it follows from the scale. ``unknown_mm``:
-    what in addition separates depth and light of each cell along the bore; cells differ in depth, and so in what an
-    unknown slant makes of them, by about as much as they are deep.
+    Cells tell where the wall lies where they are; farther along the bore it follows from the scale. ``unknown_mm`` is
+    what in addition separates depth and light of each cell along the bore. Cells differ in depth by about as much as
+    they are deep, and so in what an unknown slant makes of them.
     """
     labels, n = label(relief.valid & (relief.values > CELL_MM))
     count = np.bincount(labels.ravel(), minlength=n + 1)[1:]
@@ -280,7 +243,7 @@ def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknow
 
 
 def largest_cell_share(evidence: Evidence) -> float:
-    """Return which part of the area of all cells that a side's relief shows is that of the largest; 0 without any."""
+    """Return the largest cell's share of the area of all cells that a side's relief shows; 0 without any."""
     if evidence.kind != "relief":
         return 0.0
     labels, n = label(evidence.valid & (evidence.values > CELL_MM))
@@ -295,10 +258,48 @@ def _depth_mm(relief: Evidence) -> float:
     return float(cells.mean()) if cells.size else 0.0
 
 
+@dataclass(frozen=True)
+class Remedy:
+    """``key`` of the sidecar of ``side``, what it states, and the value at which both sides would agree."""
+
+    side: str
+    key: str
+    stated: float
+    agreeing: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of both values."""
+        return "mm/s" if self.key.endswith("_mm_s") else "mm"
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.agreeing:.4g} of {self.side} ({self.stated:.4g} is stated)"
+
+
+def remedies(a: Side, b: Side, z_scale: float) -> tuple[Remedy, ...]:
+    """Return the values that would agree where ``b`` fits ``a`` once its z is multiplied by ``z_scale``.
+
+    A side whose scale its own recording bears out is not suspected, unless both are borne out. Empty where no single
+    key sets the scale of a suspected side.
+    """
+    factors = (a, 1 / z_scale), (b, z_scale)
+    suspected = [(side, factor) for side, factor in factors if not _borne_out(side)]
+    return tuple(remedy for side, factor in suspected or factors for remedy in _of(side, factor))
+
+
+def _of(side: Side, factor: float) -> Iterator[Remedy]:
+    for key, value in side.panorama.axial_scale.stated.items():
+        yield Remedy(side.name, key, value, value * factor)
+
+
+def _borne_out(side: Side) -> bool:
+    return side.panorama.axial_scale.checked and not side.panorama.doubts
+
+
 def _if_turned(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
 ) -> str:
-    """Return a sentence on an orientation that the sidecars rule out and that would have been believed, or nothing."""
+    """Return a sentence on an orientation that would have been believed but for the sidecars, or nothing."""
     ruled_out = tuple(orientation for orientation in ALL_ORIENTATIONS if orientation not in orientations)
     best = search(a, b, ruled_out, z_scale_range) if ruled_out else None
     if best is None or not believable(best):
@@ -311,3 +312,37 @@ def _if_stretched(a: Side, b: Side, farther: Alignment) -> str:
     """Return a sentence on the scale along the bore at which the two would have been believed."""
     agreeing = " or ".join(map(str, remedies(a, b, farther.z_scale))) or "a scale along the bore is wrong"
     return f" They would align with z of {b.name} scaled by {farther.z_scale:.3f}: {agreeing}."
+
+
+def align_by_method(a: Side, b: Side, name: str) -> Alignment | NotAligned:
+    """Return where ``b`` lies on ``a`` by the method ``name``, with how well the two correlate there.
+
+    Raises :class:`EndoctError` where there is no such method, it fails, or its answer is no alignment.
+    """
+    answer = answer_by("alignment", name, a.panorama, b.panorama, setting="alignment_method")
+    if isinstance(answer, NotAligned):
+        return answer
+    if not isinstance(answer, Alignment) or not _is_possible(answer):
+        raise EndoctError(
+            f"the alignment method '{name}' answers no alignment",
+            found=repr(answer)[:100] if isinstance(answer, Alignment) else type(answer).__name__,
+            expected="an Alignment of finite turn, shift and scale, or NotAligned",
+        )
+    shared = with_evidence(answer, a.evidence, b.evidence)
+    return shared or NotAligned(f"As the method '{name}' lays {b.name} on {a.name}, the two share no wall.")
+
+
+def with_evidence(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment | None:
+    """Return ``alignment`` with how well the two correlate there; None where they share no wall."""
+    along_mm = alignment.z_to_a(b.z_mm)
+    first_mm, last_mm = max(a.z_mm[0], along_mm.min()), min(a.z_mm[-1], along_mm.max())
+    if last_mm - first_mm < 2 * STEP_MM:
+        return None
+    there_a, there_b = in_one_frame(clipped(a), clipped(b), alignment, 0.0)
+    shared_mm2 = float((there_a.valid & there_b.valid).sum()) * STEP_MM * there_a.column_mm
+    return replace(alignment, correlation=correlation(there_a, there_b), overlap_mm2=shared_mm2)
+
+
+def _is_possible(alignment: Alignment) -> bool:
+    placed = alignment.theta_shift_rad, alignment.z_shift_mm, alignment.z_scale
+    return bool(np.isfinite(placed).all()) and alignment.z_scale > 0

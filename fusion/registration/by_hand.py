@@ -1,14 +1,14 @@
-"""Alignments corrected or established by landmark pairs, and the error that pairs set apart for that state.
+"""Alignments corrected or established by landmark pairs, and their error by the pairs that were set apart to check it.
 
 A landmark pair is a place on side A and the same place on side B, as somebody pointed them out. Pairs correct turn
-and shift, and the more the farther they lie apart the scale along the bore. Handedness and direction stay as they
-were found, unless three pairs or more contradict them clearly. Where nothing was found, pairs establish an
-alignment by themselves: two, or three that also say which way around it is.
+and shift. The farther they lie apart, the more they also correct the scale along the bore. Handedness and direction
+stay as they were found, unless three pairs or more contradict them clearly. Where nothing was found, pairs establish
+an alignment by themselves: two, or three that also say which way around it is.
 
 The turn, shift and scale that lay the landmarks of one side on those of the other best are fitted by weighted least
 squares. Around the bore landmarks lie on a circle. There the sum of squared distances has a minimum for every way
-of cutting it open. So all of them are tried (Hotz and Huckemann 2015, Intrinsic means on the circle), and the
-answer does not depend on where θ = 0 is.
+of cutting it open. So every way is tried (Hotz and Huckemann 2015, Intrinsic means on the circle). The answer does
+not depend on where θ = 0 is.
 """
 
 from collections.abc import Sequence
@@ -18,18 +18,26 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.evidence import clipped, correlation
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
-from endoct.fusion.geometry.landmarks import LandmarkPair, Role, columns, of_role, residuals_mm
-from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS
-from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame
+from endoct.fusion.geometry.alignment import (
+    ALL_ORIENTATIONS,
+    Alignment,
+    LandmarkPair,
+    NotAligned,
+    Orientation,
+    Role,
+    as_covariance,
+    columns,
+    of_role,
+    residuals_mm,
+)
+from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with_evidence
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What is known of the scale along the bore before any pair: ``value`` and ``variance``, 0 where it is given."""
+    """What is known of the scale along the bore before any pair: ``value``, and ``variance``, 0 where it is given."""
 
     value: float = 1.0
     variance: float = 0.0
@@ -39,8 +47,11 @@ class Scale:
 class PairFit:
     """The ``alignment`` that fits pairs best in one orientation, with its covariance.
 
-    Attributes: ``chi2``, the sum of squared distances in standard errors; ``freedom``, how many distances are more than
-    was fitted; ``scale_share``, how much of the scale is by the pairs, 0 to 1: the rest is by what was known before.
+    Attributes
+    ----------
+    chi2: the sum of squared distances in standard errors.
+    freedom: how many more distances there are than fitted numbers.
+    scale_share: how much of the scale is by the pairs, 0 to 1; the rest is by what was known before.
     """
 
     alignment: Alignment
@@ -50,17 +61,17 @@ class PairFit:
 
     @property
     def misfit(self) -> float | None:
-        """How many times as far as expected pairs lie apart; None where they decide too little to say."""
+        """How far pairs lie apart, as a multiple of what is expected; None where they decide too little to say."""
         return float(np.sqrt(self.chi2 / self.freedom)) if self.freedom else None
 
 
 def fit_pairs(pairs: Sequence[LandmarkPair], orientation: Orientation, radius_mm: float, scale: Scale) -> PairFit:
     """Return the alignment of one ``orientation`` that fits one or more ``pairs`` best.
 
-    The scale is the mean of what the pairs say and what was known before, weighted by precision: pairs that lie close
-    together along the bore, or a single one, leave it as it was, and those far apart decide it. It stays within
-    ``FARTHEST``. The covariance is that of the places pointed out, larger by as much as pairs lie farther apart than
-    their ``sigma_mm`` says.
+    The scale is the mean of what the pairs say and what was known before, weighted by precision. A single pair, or
+    pairs close together along the bore, leave it as it was; pairs far apart decide it. It stays within ``FARTHEST``.
+    The covariance is that of the places pointed out. It is larger by as much as pairs lie farther apart than their
+    ``sigma_mm`` says.
     """
     mirrored, z_reversed = orientation
     a, b = columns(pairs)
@@ -85,11 +96,11 @@ def fit_pairs(pairs: Sequence[LandmarkPair], orientation: Orientation, radius_mm
 
 
 def mean_turn_rad(turns_rad: Coordinates, weight: Coordinates) -> float:
-    """Return the angle in [0, 2π) from which ``turns_rad``, (n,), differ by the least sum of squares, weighted."""
+    """Return the angle in [0, 2π) from which ``turns_rad``, (n,), have the least weighted sum of squared distances."""
     turn = 2 * np.pi
     sorted_rad = np.sort(np.mod(turns_rad, turn))
     weight = weight[np.argsort(np.mod(turns_rad, turn))]
-    # cut open before the k-th: those before it go on beyond the turn
+    # the circle cut open before the k-th: those before it go on beyond the turn
     share = np.concatenate([[0.0], np.cumsum(weight)[:-1]]) / weight.sum()
     means = np.mod(float(np.average(sorted_rad, weights=weight)) + turn * share, turn)
     apart = np.mod(sorted_rad[np.newaxis] - means[:, np.newaxis] + np.pi, turn) - np.pi
@@ -99,7 +110,7 @@ def mean_turn_rad(turns_rad: Coordinates, weight: Coordinates) -> float:
 def covariance_about(middle_mm: float, of_turn: float, of_place: float, of_scale: float) -> Coordinates:
     """Return the covariance of (turn, shift, scale), float64 (3, 3), of independent errors with these variances.
 
-    ``of_place``: of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
+    ``of_place`` is that of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
     """
     common = -middle_mm * of_scale
     rows = [[of_turn, 0, 0], [0, of_place + middle_mm**2 * of_scale, common], [0, common, of_scale]]
@@ -107,11 +118,11 @@ def covariance_about(middle_mm: float, of_turn: float, of_place: float, of_scale
 
 
 FEWEST = 2
-"""Pairs that establish an alignment where none was found,"""
+"""So many pairs establish an alignment where none was found."""
 FEWEST_FOR_ORIENTATION = 3
-"""and from which on they may say which way around it is."""
+"""So many pairs may also say which way around it is."""
 DECISIVE = 16.0
-"""By so much chi² must be less in one orientation than in another: four standard errors."""
+"""Least difference of χ² between two orientations that decides: four standard errors."""
 FAR_OFF = 2.0
 """Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
 CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
@@ -119,7 +130,7 @@ CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
 
 @dataclass(frozen=True)
 class Bore:
-    """What is known of two sides before any pair: the radius, orientations left open, the scales that are searched."""
+    """What is known of two sides before any pair: the radius, the orientations left open, the scales to search."""
 
     radius_mm: float
     orientations: tuple[Orientation, ...]
@@ -127,7 +138,7 @@ class Bore:
 
     @property
     def scale(self) -> Scale:
-        """What is known of the scale without an alignment: anything within the range is as likely."""
+        """What is known of the scale without an alignment: any within the range is equally likely."""
         low, high = self.z_scale_range
         return Scale(variance=(high - low) ** 2 / 12)
 
@@ -141,10 +152,10 @@ class Judged:
 
 
 def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore: Bore) -> Judged:
-    """Return what ``pairs`` make of the ``automatic`` alignment, and the error that those set apart state.
+    """Return what ``pairs`` make of the ``automatic`` alignment, and its error by those that check it.
 
     The corrected alignment has no confidence of its own. Raises :class:`EndoctError` where pairs clearly contradict the
-    handedness or the direction that the recordings state, or lie as no bore does.
+    handedness or the direction that the recordings state, or do not lie as on a bore.
     """
     correcting, why = of_role(pairs, "correct"), ""
     fit = None
@@ -168,7 +179,7 @@ def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore
 def align_by_hand(
     a: Side, b: Side, automatic: Alignment | NotAligned, pairs: Sequence[LandmarkPair], bore: Bore
 ) -> Judged:
-    """Return as :func:`judge` what ``pairs`` make of an alignment, with what both sides show in the corrected place.
+    """Return what ``pairs`` make of an alignment, as :func:`judge` does, with what both sides show where they put B.
 
     Raises :class:`EndoctError` as :func:`judge` does, and where the two share no wall there.
     """
@@ -201,7 +212,7 @@ def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: Bore) 
 
 
 def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: float) -> bool:
-    """Say whether pairs lie farther off an alignment than it allows for: its covariance is then not to be believed."""
+    """Return whether pairs lie farther off an alignment than its covariance allows; that is then not believed."""
     sigma_mm = np.array([pair.sigma_mm for pair in pairs])
     turn_mm = radius_mm * np.sqrt(automatic.covariance[0][0] if automatic.covariance else 0.0)
     own_mm = automatic.z_error_mm([pair.b.z_mm for pair in pairs])
@@ -210,7 +221,7 @@ def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: 
 
 
 def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | None, str]:
-    """Return the alignment by pairs alone; None, and a sentence on what they lack, where they do not say enough."""
+    """Return the alignment by pairs alone; or None, and a sentence on what they lack, where they say too little."""
     is_open = len(bore.orientations) > 1
     fewest = FEWEST_FOR_ORIENTATION if is_open else FEWEST
     if len(pairs) < fewest:
@@ -229,34 +240,27 @@ def _in_every_orientation(
     return [fit_pairs(pairs, orientation, bore.radius_mm, bore.scale) for orientation in orientations]
 
 
-def _clearly_better(one: PairFit, other: PairFit) -> bool:
-    return other.chi2 - one.chi2 >= DECISIVE * max(1.0, (one.misfit or 0.0) ** 2)
+def _clearly_better(fit: PairFit, other: PairFit) -> bool:
+    return other.chi2 - fit.chi2 >= DECISIVE * max(1.0, (fit.misfit or 0.0) ** 2)
 
 
 def _with_evidence(alignment: Alignment, a: Side, b: Side) -> Alignment:
     one, two = a.evidence, b.evidence
-    of_b_mm = alignment.z_to_a(two.z_mm)
-    first_mm, last_mm = max(one.z_mm[0], of_b_mm.min()), min(one.z_mm[-1], of_b_mm.max())
-    if last_mm - first_mm < 2 * STEP_MM:
+    shared = with_evidence(alignment, one, two)
+    if shared is None:
+        of_b_mm = alignment.z_to_a(two.z_mm)
         raise EndoctError(
             f"as the landmark pairs lay {b.name} on {a.name}, the two share no wall",
             found=f"{b.name} from z = {of_b_mm.min():.2f} to {of_b_mm.max():.2f} mm",
             expected=f"some of it between {one.z_mm[0]:.2f} and {one.z_mm[-1]:.2f} mm",
             remedy=CHECK_PAIRS,
         )
-    there_a, there_b = in_one_frame(clipped(one), clipped(two), alignment, 0.0)
-    shared_mm2 = float((there_a.valid & there_b.valid).sum()) * STEP_MM * there_a.column_mm
     covariance = np.array(alignment.covariance)
     if (one.kind == "relief") != (two.kind == "relief"):
         direction = -1.0 if alignment.z_reversed else 1.0
         of_turn, of_place, of_scale = (left**2 for left in LEFT_BY_INSTRUMENTS)
         covariance += covariance_about(direction * float(two.z_mm[[0, -1]].mean()), of_turn, of_place, of_scale)
-    return replace(
-        alignment,
-        correlation=correlation(there_a, there_b),
-        overlap_mm2=shared_mm2,
-        covariance=as_covariance(covariance),
-    )
+    return replace(shared, covariance=as_covariance(covariance))
 
 
 def _said(
@@ -298,7 +302,7 @@ def _said(
 
 
 def distance(residuals: Coordinates | None, k: int) -> PairDistance | None:
-    """Return how far pair ``k`` lies apart, of :func:`residuals_mm`; None where there are none."""
+    """Return how far pair ``k`` lies apart, by its residuals; None where there are none."""
     if residuals is None:
         return None
     around_mm, along_mm = (float(value) for value in residuals[k])
@@ -317,7 +321,7 @@ def _moved(old: Alignment, new: Alignment, pairs: Sequence[LandmarkPair], radius
 
 
 def distances(pairs: Sequence[LandmarkPair], role: Role, residuals: Coordinates | None) -> Distances | None:
-    """Return how far the pairs of one role lie apart, of :func:`residuals_mm` of all; None where there are none."""
+    """Return how far the pairs of one role lie apart, by the residuals of all pairs; None where there are none."""
     chosen = [k for k, pair in enumerate(pairs) if pair.role == role]
     if residuals is None or not chosen:
         return None

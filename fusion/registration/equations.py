@@ -1,7 +1,7 @@
 """Normal equations of one Gauss–Newton step of an alignment: how one side's values change as the other is moved.
 
-Samples are worked through in blocks of rows that fit a processor's cache, always the same ones, in float32; sums over
-blocks are float64. That is several times faster than whole images, and as repeatable.
+Samples are worked through in blocks of rows that fit a processor's cache. The blocks are always the same, in float32;
+sums over them are float64. That is several times faster than whole images, and as repeatable.
 """
 
 from collections.abc import Iterator
@@ -19,11 +19,11 @@ from endoct.fusion.geometry.alignment import Alignment
 WAVES = 2
 """Harmonics of θ by which the two sides may depart from a rigid turn while it is sought."""
 BEND_RAD = 0.02
-"""How large such a departure typically is, and a twist over half the overlap."""
+"""The typical size of such a departure, and of a twist over half the overlap."""
 MOVES = 3
-"""Unknowns before the bends: turn, shift, scale. After the bends come the coefficients of the tone."""
+"""The unknowns before the bends are turn, shift and scale. After the bends come the coefficients of the tone."""
 PATCH_MM = 0.6
-"""Residuals farther apart than this err independently: cells are about as large."""
+"""Residuals farther apart than this err independently: cells are about that large."""
 FEWEST_SAMPLES = 100
 BLOCK_SAMPLES = 1 << 15
 
@@ -41,7 +41,7 @@ class Level:
     """Both sides at one blur: ``fine`` is interpolated at the samples of ``coarse``.
 
     ``channels`` are the values of ``fine`` and their slopes, d/dz per mm and d/dθ per rad, float32 (n_z, n_theta) each.
-    ``values`` less their mean and divided by their ``spread``; those of ``coarse`` are a polynomial of them, of
+    The values are less their mean, and divided by their ``spread``. Those of ``coarse`` are a polynomial of them, of
     ``degree``.
     """
 
@@ -57,7 +57,7 @@ class Level:
 class _Overlap:
     """The rows of the coarse side where the two meet, and the fine one interpolated there, float32 (n, n_theta) each.
 
-    ``use`` is None where all of it counts, ``count`` how many samples do; z counts from ``middle_mm``.
+    ``use`` is None where all of it counts; ``count`` is how many samples do. z counts from ``middle_mm``.
     """
 
     target: Image
@@ -78,9 +78,9 @@ class _Overlap:
 
 @dataclass(frozen=True, eq=False)
 class _Residuals:
-    """What the values of the coarse side differ by from the tone of the fine one, float32 (n, n_theta).
+    """How far the values of the coarse side differ from the tone of the fine one, float32 (n, n_theta).
 
-    ``size`` is how large they typically are, ``rising`` holds the coefficients of the tone's derivative.
+    ``size`` is how large they typically are; ``rising`` holds the coefficients of the tone's derivative.
     """
 
     overlap: _Overlap
@@ -159,7 +159,7 @@ def equations(of: Level, fit: Fit) -> Equations | None:
         effects, weight = _effects(residuals, rows, k)
         pulls = weight * residual[rows]
         slope += effects.reshape(k, -1) @ pulls.ravel()
-        effects *= np.sqrt(weight)  # a matrix times itself is what BLAS is quickest at
+        effects *= np.sqrt(weight)  # BLAS is quickest at a matrix times itself
         flat = effects.reshape(k, -1)
         normal += flat @ flat.T
         cost += float(np.vdot(pulls, residual[rows]))
@@ -176,7 +176,7 @@ def equations(of: Level, fit: Fit) -> Equations | None:
 
 
 def _overlap(of: Level, fit: Fit) -> _Overlap | None:
-    """Interpolate the fine side where the samples of the coarse one meet it; None where none does."""
+    """Return the fine side interpolated where samples of the coarse one meet it; None where none does."""
     fine, coarse, alignment = of.fine, of.coarse, fit.alignment
     (n_z, n_theta), n_columns = fine.values.shape, coarse.values.shape[1]
     row = np.interp(alignment.z_to_a(coarse.z_mm), fine.z_mm, np.arange(n_z), left=-1, right=-1)
@@ -227,7 +227,7 @@ def _overlap(of: Level, fit: Fit) -> _Overlap | None:
 
 
 def _tone(overlap: _Overlap, degree: int) -> tuple[Coordinates, float] | None:
-    """Return the polynomial that takes values to targets, rising powers, and the correlation of the two."""
+    """Return the polynomial that takes values to targets, by rising powers, and the correlation of the two."""
     products = np.zeros((degree + 2, degree + 2))
     for rows in overlap.blocks():
         sums = np.empty((degree + 2, *overlap.value[rows].shape), np.float32)

@@ -1,4 +1,4 @@
-"""The last fraction of a sample of an alignment: robust Gauss–Newton, coarse to fine, over what both sides have."""
+"""The last fraction of a sample of an alignment: robust Gauss–Newton, coarse to fine, over the wall both sides have."""
 
 from dataclasses import replace
 
@@ -9,26 +9,26 @@ from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import largest_divisor
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
-from endoct.fusion.geometry.resample import column_weights, resample
+from endoct.fusion.geometry.placement import column_weights, resample
 from endoct.fusion.registration.equations import MOVES, WAVES, Equations, Fit, Level, equations, level, waves
 
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)
-"""Blurs, too, for two sides that are both sampled no wider than that."""
+"""Further blurs, for two sides that are both sampled no wider than that."""
 SAMPLES_A_BLUR = (4, 1)
-"""In one sigma of a blur, of the side that is interpolated and of the one that is not."""
+"""Samples in one sigma of a blur, of the side that is interpolated and of the one that is not."""
 ROUNDS = 12
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
 TONE, FINE_TONE = 1, 3
-"""Degree of the polynomial by which the values of one side depend on the other's. What bends it, gamma, saturation or
-a logarithm, moves fine edges; where edges are wide anyway it would rather follow what the light's fit leaves."""
+"""Degree of the polynomial by which the values of one side depend on the other's. Gamma, saturation or a logarithm bend
+it, and so move fine edges. Where edges are wide anyway, a bent one would rather follow what the light's fit leaves."""
 STILL, LAST_STILL = 1e-3, 1e-5
-"""A step below this share of the blur ends a level, and the last one. Below 1e-6 steps are float32's rounding."""
+"""A step below this share of the blur ends a level; below the second, the last level. Below 1e-6 it is rounding."""
 MEMORY = 3
-"""Steps from whose course the next is extrapolated."""
+"""The next step is extrapolated from the course of so many."""
 BOLDEST = 4.0
-"""How many times as far as its own step an extrapolated one may go."""
+"""An extrapolated step may go so many times as far as the plain one."""
 
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
@@ -38,8 +38,8 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     interpolated across wide rows. The values of one are a polynomial of the other's, rising or falling; samples that
     fit badly count little. Where it does not converge near ``start``, the search's answer stands.
 
-    Uneven rotation of a catheter and a probe off the axis bend θ by waves, a slow drift twists it. Where cells lie on
-    one side only, a rigid turn would follow that there; so the first harmonics and a twist are sought too and then
+    Uneven rotation of a catheter and a probe off the axis bend θ by waves; a slow drift twists it. A rigid turn would
+    follow that where cells lie on one side only. So the first harmonics and a twist are sought as well. They are then
     left out of the alignment, but for their size, ``uneven_rad`` and ``twist_rad_per_mm``.
     """
     if a.dz_mm > b.dz_mm:
@@ -73,7 +73,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
 def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
     """Return ``evidence`` on samples up to ``spacing_mm`` apart where its own lie closer, on its own elsewhere.
 
-    Columns become one of a whole number of old ones, so that they meet the same samples wherever θ starts.
+    A new column is made of a whole number of old ones, so that it meets the same samples wherever θ starts.
     """
     n_theta = evidence.values.shape[1]
     most = max(1, int(spacing_mm / evidence.column_mm + 1e-9))
@@ -92,9 +92,9 @@ def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
 
 
 def _gauss_newton(of: Level, start: Fit, z_scale_range: tuple[float, float], still_mm: float) -> Fit:
-    """Return ``start`` improved until it moves by less; ``start`` itself where too little is left to go by."""
+    """Return ``start``, improved until it moves by less than ``still_mm``; unchanged where too little is known."""
     length_mm, radius_mm = float(np.ptp(of.coarse.z_mm)), of.coarse.radius_mm
-    # what a change by 1 of each unknown moves
+    # how far a change by 1 of each unknown moves the wall
     reach_mm = np.r_[radius_mm, 1.0, length_mm, length_mm * radius_mm, np.full(2 * WAVES, radius_mm)]
     most = np.r_[0.1, 0.1, np.inf, np.full(1 + 2 * WAVES, 0.05)]
     fit, places, steps, middle_mm = start, list[Coordinates](), list[Coordinates](), 0.0
@@ -123,10 +123,10 @@ def _gauss_newton(of: Level, start: Fit, z_scale_range: tuple[float, float], sti
 
 
 def _extrapolated(places: list[Coordinates], steps: list[Coordinates], reach_mm: Coordinates) -> Coordinates:
-    """Return the step that leads to where the course of the last ones says that there is none left to make.
+    """Return the step to where, by the course of the last ones, no step is left to make.
 
-    Weights that depend on residuals make steps shrink by a constant share only; this spares half of them (Anderson
-    acceleration; Walker and Ni 2011, Anderson acceleration for fixed-point iterations).
+    Weights that depend on residuals make steps shrink by a constant share only. This spares half of the steps (Walker
+    and Ni 2011, Anderson acceleration for fixed-point iterations).
     """
     step = steps[-1]
     if len(steps) == 1:
@@ -162,9 +162,9 @@ def _fit_at(
 def _covariance(of: Equations, radius_mm: float) -> Coordinates:
     """Return the covariance (3, 3) of turn (rad), shift (mm) and scale, from how residuals pull patch by patch.
 
-    Neighbouring residuals err alike: blurs and whole cells that only one side shows. So they are summed over patches
-    and only these count as independent (the sandwich estimate for clustered data; Liang and Zeger 1986, Longitudinal
-    data analysis using generalized linear models).
+    Neighbouring residuals err alike, by blurs and by whole cells that only one side shows. So they are summed over
+    patches, and only these count as independent. This is the sandwich estimate for clustered data (Liang and Zeger
+    1986, Longitudinal data analysis using generalized linear models).
     """
     pulls = of.pulls(radius_mm)
     unknowns, n_patches = pulls.shape

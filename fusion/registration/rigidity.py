@@ -2,9 +2,9 @@
 
 An alignment is rigid: one turn, one shift, one scale. A recording need not be. A catheter that slipped, slices that
 were lost or swapped, or a step within every turn bend its wall. The best rigid place is then right for some of it
-only. So parts of one side, bands along the bore and sectors of it, are each searched for on the other side, around
-where the alignment puts them. Tall bands are searched for nearby in all directions; low ones, as few slices are,
-far along the bore.
+only. So parts of one side are each searched for on the other side, around where the alignment puts them. Parts are
+bands along the bore and sectors of it. Tall bands are searched for nearby, in all directions. Low ones, which are few
+slices, are searched for far along the bore.
 
 A single part may fit elsewhere by chance; that two parts agree on it is hardly chance. So low bands that have
 changed places are believed for less, and so are arcs of the bore that lie apart around it.
@@ -30,14 +30,15 @@ Spectra = NDArray[np.complex128]
 STEP_MM = 0.05
 N_THETA = 256
 LEAST_SAMPLES = 0.5
-"""Of a part's samples that must meet observed wall wherever it is compared."""
+"""Share of a part's samples that must meet observed wall wherever it is compared."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a part fits best: ``along_mm`` and ``around_mm`` from where the alignment puts it, and how it correlates.
+    """Where a part fits best, ``along_mm`` and ``around_mm`` from where the alignment puts it, and how it correlates.
 
-    ``around_mm`` to a fraction of a sample. ``correlation``: there, and where the alignment puts it.
+    ``around_mm`` is known to a fraction of a sample. ``correlation`` is that there, and that where the alignment puts
+    the part.
     """
 
     along_mm: float
@@ -50,14 +51,14 @@ class Fit:
         return self.correlation[0] - self.correlation[1]
 
     def stands_out(self, *, clear: float, gain: float) -> bool:
-        """Say whether it correlates by ``clear`` at least, and by ``gain`` more than where the alignment puts it."""
+        """Return whether it correlates by ``clear`` at least, and by ``gain`` more than where the alignment puts it."""
         return self.correlation[0] >= clear and self.gain >= gain
 
 
 def in_one_frame(a: Evidence, b: Evidence, alignment: Alignment, margin_mm: float) -> tuple[Evidence, Evidence]:
     """Return both on one even grid in A's frame, where B lies as aligned, over rows that both have.
 
-    At either end ``margin_mm`` more, in which nothing needs to be observed.
+    The grid has ``margin_mm`` more at either end, where nothing needs to be observed.
     """
     moved = reoriented(b, mirrored=alignment.mirrored, z_reversed=alignment.z_reversed, z_scale=alignment.z_scale)
     moved = replace(
@@ -75,12 +76,12 @@ def rows_of(evidence: Evidence, rows: slice) -> Evidence:
 
 
 def part_of(evidence: Evidence, where: Mask) -> Evidence:
-    """Return ``evidence`` that was observed ``where`` only, bool of its shape."""
+    """Return ``evidence`` as if it had been observed only ``where``, bool of its shape."""
     return replace(evidence, valid=evidence.valid & where)
 
 
 def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> Fit:
-    """Return where ``part`` fits ``a`` best, within ``reach_mm`` along and ``reach_rad`` around; on one grid."""
+    """Return where ``part`` fits ``a`` best, both on one grid, within ``reach_mm`` along and ``reach_rad`` around."""
     rows, columns = round(reach_mm / STEP_MM), round(reach_rad / (2 * np.pi) * N_THETA)
     correlation = _correlations(a, part, rows, columns)
     row, column = map(int, np.unravel_index(int(np.argmax(correlation)), correlation.shape))
@@ -90,7 +91,7 @@ def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> 
 
 
 def _summit(three: Coordinates) -> float:
-    """Return where the parabola through three samples is highest, from the middle one; 0 where it is not."""
+    """Return where the parabola through three samples has its top, from the middle one; 0 where it has none."""
     if three.size < 3 or (bent := three[0] - 2 * three[1] + three[2]) >= 0:
         return 0.0
     return float(0.5 * (three[0] - three[2]) / bent)
@@ -99,8 +100,8 @@ def _summit(three: Coordinates) -> float:
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
     """Return the masked correlation of ``b`` with ``a``, (2 rows + 1, 2 columns + 1), by how far ``b`` is moved.
 
-    Padfield 2012, Masked object registration in the Fourier domain, here along θ alone: parts are few rows high, and
-    moved by few columns. Cyclic in θ; rows moved beyond either end meet nothing.
+    After Padfield 2012, Masked object registration in the Fourier domain, but along θ alone, since parts are few rows
+    high and moved by few columns. It is cyclic in θ; rows moved beyond either end meet nothing.
     """
     observed = np.flatnonzero(b.valid.any(axis=1))
     if not observed.size:
@@ -127,7 +128,7 @@ def _spectra(evidence: Evidence) -> Spectra:
 
 @lru_cache(maxsize=8)
 def _back_to_columns(columns: int) -> Spectra:
-    """What takes a spectrum of real samples back to those at −``columns`` … ``columns``."""
+    """The matrix that takes a spectrum of real samples back to those at −``columns`` … ``columns``."""
     k, column = np.arange(N_THETA // 2 + 1)[:, None], np.arange(-columns, columns + 1)
     weight = np.where((k == 0) | (k == N_THETA // 2), 1, 2) / N_THETA
     return np.asarray(weight * np.exp(2j * np.pi * k * column / N_THETA))
@@ -137,8 +138,8 @@ def _back_to_columns(columns: int) -> Spectra:
 def _moved_along(of_a: Spectra, of_b: Spectra, first: int, rows: int) -> Spectra:
     """Sums of the rows of A times those of B, which begin at A's row ``first``, moved by −``rows`` … ``rows``.
 
-    Of: observed × observed, values × observed, observed × values, values × values, squares × observed, observed ×
-    squares; (6, 2 rows + 1, n).
+    They are (6, 2 rows + 1, n): of observed × observed, values × observed, observed × values, values × values,
+    squares × observed, observed × squares.
     """
     n_rows, n = of_a.shape[1:]
     sums = np.zeros((6, 2 * rows + 1, n), np.complex128)
@@ -162,15 +163,16 @@ def _moved_along(of_a: Spectra, of_b: Spectra, first: int, rows: int) -> Spectra
 
 SECTORS = 4
 FAR_MM = 0.16
-"""Around the bore or along it: parts that lie farther from where they should are out of place."""
+"""Parts that lie farther from where they should, around the bore or along it, are out of place."""
 
 
 @dataclass(frozen=True)
 class Look:
     """How parts are searched for: bands ``tall_mm`` high, or sectors of any height; how far along and around.
 
-    A part says something about its place where it correlates by ``clear`` at least where it fits best, and by
-    ``better`` more than where the alignment puts it. Bands follow each other by ``1 / dense`` of their height.
+    A part says something about its place if, where it fits best, it correlates by ``clear`` at least. It must also
+    correlate by ``better`` more than where the alignment puts it. Bands follow each other by ``1 / dense`` of their
+    height.
     """
 
     tall_mm: float
@@ -184,21 +186,24 @@ class Look:
 NEAR = Look(tall_mm=1.5, reach_mm=1.0, reach_rad=0.6, clear=0.55, better=0.2)
 FAR = Look(tall_mm=0.6, reach_mm=4.0, reach_rad=0.1, clear=0.75, better=0.45)
 LONE_CLEAR = FAR.clear
-"""For a band with a single cell: cut by the band's edge, it fits elsewhere about as well. Of 6 sound bores with two to
-four cells (benchmarks/independent, sparse 4000–4014) two had such a band, at a correlation of 0.57 and 0.69."""
+"""``clear`` for a band with a single cell: cut by the band's edge, it fits elsewhere about as well. Two of 6 sound
+bores with two to four cells had such a band, which correlated by 0.57 and 0.69 (benchmarks/independent, sparse
+4000–4014)."""
 EXCHANGED = Look(tall_mm=0.3, reach_mm=4.0, reach_rad=0.1, clear=0.5, better=0.15, dense=3)
-"""Of 20 sound recordings of a second generator (benchmarks/independent, set sound, seeds 0–19) none has two bands in
-each other's place that both correlate by more than 0.23; two or three slices exchanged correlate by 0.6."""
+"""How bands in each other's place are searched for. Two or three slices that were exchanged correlate by 0.6. None of
+20 sound recordings has two such bands that both correlate by more than 0.23 (benchmarks/independent, set sound, seeds
+0–19)."""
 SAME_PLACE_MM = 0.16
-"""Where one band belongs and where the other one is may differ by so much."""
+"""The place where a band belongs may differ by so much from that of the other band."""
 APART = Look(tall_mm=np.inf, reach_mm=0.15, reach_rad=0.6, clear=0.55, better=0.03)
 APART_MM = 0.1
-"""Around the bore: arcs of 32 sound recordings (seeds 0–31) lie 0.074 mm apart at most; those of turns with a step of
-0.15 rad 0.11 to 0.20 mm, of 0.2 rad 0.16 mm and more (10 recordings each)."""
+"""Arcs that lie farther apart around the bore were turned. Those of 32 sound recordings (seeds 0–31) lie 0.074 mm apart
+at most. Those of turns with a step of 0.15 rad lie 0.11 to 0.20 mm apart, of 0.2 rad 0.16 mm and more (10 each)."""
 FEWEST_IN_ARC = 2
 LEAST_APART_MM = 0.5 * APART_MM
-"""In either half of the bore by itself: a step is at every slice, single cells lie in one half or the other. Of 68 more
-sound ones (1100–1143, 1200–1223) four, of four cells each, have arcs 0.10 to 0.19 mm apart, none in both halves."""
+"""The least distance in either half of the bore by itself: a step is at every slice, but single cells lie in one half.
+Four of 68 more sound recordings (1100–1143, 1200–1223), with four cells each, have arcs 0.10 to 0.19 mm apart. None has
+them in both halves."""
 FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 
@@ -206,8 +211,11 @@ FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 class Part:
     """A part of the wall that fits best elsewhere, ``along_mm`` and ``around_mm`` from where it should.
 
-    ``kind``: a band along the bore, a sector of it, or ("turn") a sector that should lie where another one does;
-    ``first`` and ``last`` its bounds in A's frame, mm or rad. ``correlation``: (there, where the alignment puts it).
+    Attributes
+    ----------
+    kind: a band along the bore, a sector of it, or ("turn") a sector that should lie where another one does.
+    first, last: its bounds in A's frame, mm or rad.
+    correlation: that where it fits best, and that where the alignment puts it.
     """
 
     kind: Literal["band", "sector", "turn"]
@@ -276,7 +284,7 @@ def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
 
 
 def _displaced(parts: Iterator[_Fitted], look: Look) -> Iterator[Part]:
-    """Yield where parts fit best whose place each by itself is sure of."""
+    """Yield the parts that are sure of their place, each by itself, and fit best elsewhere."""
     for part in parts:
         if part.fit.stands_out(clear=LONE_CLEAR if part.lone else look.clear, gain=look.better):
             yield part.part
@@ -288,7 +296,7 @@ def _shows_one_cell(evidence: Evidence) -> bool:
 
 
 def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
-    """Yield bands each of which fits where the other one is."""
+    """Yield pairs of bands each of which fits where the other one is."""
     sure = [band for band in bands if band.fit.stands_out(clear=EXCHANGED.clear, gain=EXCHANGED.better)]
     for one in sure:
         for two in sure:
@@ -300,10 +308,10 @@ def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
 
 
 def _turned(a: Evidence, b: Evidence) -> Iterator[Part]:
-    """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, by how far.
+    """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, and how far.
 
     A step turns whole arcs; one sector alone, which may hold a single cell, says little. Sectors across the step count
-    too, so that it is rather larger. Where one half of the bore does not show it, it is none.
+    too, so the step is rather larger. There is none where one half of the bore does not show it.
     """
     clear = _clear(_sectors(a, b, APART))
     arcs = []
@@ -323,7 +331,7 @@ def _turned(a: Evidence, b: Evidence) -> Iterator[Part]:
 
 
 def _halves(evidence: Evidence) -> Iterator[Evidence]:
-    """Yield ``evidence`` as if the one half along the bore, and the other, had been observed only."""
+    """Yield ``evidence`` as if only the first half along the bore had been observed, then as if only the second."""
     rows = np.arange(evidence.z_mm.size)[:, None]
     observed = np.flatnonzero(evidence.valid.any(axis=1))
     middle = (observed[0] + observed[-1] + 1) / 2 if observed.size else 0

@@ -1,7 +1,7 @@
 """The exhaustive search: every turn, every shift, a range of z scales, every orientation left open.
 
-Its maps are masked normalised cross-correlation on the cylinder: θ is a circle, z is a line. The score says how
-much a correlation is worth, and :func:`chance_of` how likely chance alone would give as much.
+Its maps are masked normalised cross-correlation on the cylinder: θ is a circle, z is a line. The score says how much
+a correlation is worth; :func:`chance_of` says how likely chance alone would give as much.
 """
 
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ class Spectra:
 
 
 def spectra(image: Image, valid: Mask, n_padded: int) -> Spectra:
-    """Transform a float32 (n_z, n_theta) image of which only ``valid`` samples count."""
+    """Return the transforms of a float32 (n_z, n_theta) image of which only ``valid`` samples count."""
     # without its mean the sums of squares stay small, which float32 needs
     centred = np.where(valid, image - image[valid].mean(), np.float32(0)) if valid.any() else np.zeros_like(image)
     shape = n_padded, image.shape[1]
@@ -42,19 +42,19 @@ def spectra(image: Image, valid: Mask, n_padded: int) -> Spectra:
 
 
 def padded_rows(n_a: int, n_b: int) -> int:
-    """Return to how many rows images of ``n_a`` and ``n_b`` rows must be padded for their correlation."""
+    """Return the number of rows to which images of ``n_a`` and ``n_b`` rows must be padded to correlate them."""
     return int(fft.next_fast_len(n_a + n_b - 1, real=True))
 
 
 def correlate(fixed: Spectra, moved: Evidence) -> tuple[Image, Image]:
-    """Return (correlation, overlap) of ``moved`` shifted over ``fixed``, as :func:`masked_correlation`."""
+    """Return (correlation, overlap) of ``moved`` shifted over ``fixed``, as :func:`masked_correlation` does."""
     return masked_correlation(fixed, spectra(moved.values, moved.valid, fixed.n_padded))
 
 
 def masked_correlation(a: Spectra, b: Spectra) -> tuple[Image, Image]:
     """Return (correlation, overlap) of ``b`` shifted over ``a`` for every shift, both float32 (n_lags, n_theta).
 
-    Row i is the z lag i − (n_z of b − 1), column k the θ lag k: b[y, x] meets a[y + lag_z, (x + lag_θ) mod n].
+    Row i is the z lag i − (n_z of b − 1), column k the θ lag k. So b[y, x] meets a[y + lag_z, (x + lag_θ) mod n].
     The correlation is Pearson's over the samples valid in both (Padfield 2012, Masked object registration in
     the Fourier domain); ``overlap`` counts them. Both must have the same number of columns and padded rows.
     """
@@ -78,7 +78,7 @@ def masked_correlation(a: Spectra, b: Spectra) -> tuple[Image, Image]:
 
 
 PIECE_MM2 = 0.25
-"""Wall whose evidence hangs together, as the search sees it: one independent piece."""
+"""Area of one independent piece of wall: as the search sees it, the evidence on it hangs together."""
 FEWEST_PIECES = 4
 SHUFFLES = 16
 SLICE_MM = 1.0
@@ -100,10 +100,11 @@ def score(correlation: Image, overlap_mm2: Image) -> Image:
 def chance_of(best: float, a: Evidence, b: Evidence, orientation: Orientation, n_maps: int) -> float:
     """Return how likely ``b`` would reach the score ``best`` somewhere on ``a`` in ``n_maps`` maps if it did not match.
 
-    A permutation null: rings of ``b``, ``SLICE_MM`` high, are turned at random against each other, so that cells and
-    light stay as they are but no place is right any more; nor are the orientations other than ``orientation``, in which
-    alone the shuffled are laid on ``a``. To the highest scores of all these maps Gumbel's distribution of extremes is
-    fitted. ``a`` and ``b`` have rows and columns of one spacing. The same arguments give the same answer.
+    A permutation null: rings of ``b``, ``SLICE_MM`` high, are turned at random against each other. So cells and light
+    stay as they are, but no place is right any more. Nor is any orientation other than ``orientation``; the shuffled
+    are laid on ``a`` only in these. Gumbel's distribution of extremes is fitted to the highest scores of all maps.
+
+    ``a`` and ``b`` have rows and columns of one spacing. The same arguments give the same answer.
     """
     random = np.random.default_rng(0)
     fixed = spectra(a.values, a.valid, padded_rows(a.z_mm.size, b.z_mm.size))
@@ -136,8 +137,8 @@ def _shuffled(evidence: Evidence, random: np.random.Generator) -> Evidence:
 SEARCH_DZ_MM = 0.08
 SEARCH_COLUMNS = 128
 SEARCH_BAND_MM = (0.06, 0.3)
-"""The structure that is searched for, as sigmas of two Gaussians: what is smaller is noise; what is larger has too few
-independent pieces on one bore's wall to tell places apart."""
+"""The structure that is searched for, as sigmas of two Gaussians. Smaller structure is noise. Larger structure has too
+few independent pieces on one bore's wall to tell places apart."""
 DISTINCT_MM = 0.75
 """Two places nearer than this are one peak."""
 
@@ -145,7 +146,7 @@ DISTINCT_MM = 0.75
 def search(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
 ) -> Alignment | None:
-    """Return the best place on the search grid, or None where nothing correlates at all."""
+    """Return the best place on the grid of the search; None where nothing correlates at all."""
     grid_a = _searchable(a)
     candidates: list[tuple[float, Alignment]] = []
     for scale in _scales(a, b, z_scale_range):
@@ -217,9 +218,9 @@ def _searchable(evidence: Evidence) -> Evidence:
     return replace(grid, values=np.where(grid.valid, fine - slow, np.float32(0)))
 
 
-def _same_place(one: Alignment, other: Alignment, z_middle_mm: float, radius_mm: float) -> bool:
-    if (one.mirrored, one.z_reversed) != (other.mirrored, other.z_reversed):
+def _same_place(a: Alignment, b: Alignment, z_middle_mm: float, radius_mm: float) -> bool:
+    if (a.mirrored, a.z_reversed) != (b.mirrored, b.z_reversed):
         return False
-    off_rad = wrap_rad(one.theta_shift_rad - other.theta_shift_rad)
-    off_mm = one.z_to_a(z_middle_mm) - other.z_to_a(z_middle_mm)
+    off_rad = wrap_rad(a.theta_shift_rad - b.theta_shift_rad)
+    off_mm = a.z_to_a(z_middle_mm) - b.z_to_a(z_middle_mm)
     return bool(abs(off_rad) * radius_mm < DISTINCT_MM and abs(off_mm) < DISTINCT_MM)

@@ -1,8 +1,10 @@
 """A twist of one side along z, estimated against the other side.
 
-Both are brought to B's rows; every row of B is turned to where it correlates best with A's, held together along z by
-what a catheter may twist. This fits one side to the other, cells and noise alike, and so raises whatever score is taken
-of the two afterwards: who corrects by it must say so and give both figures.
+Both are brought to B's rows. Every row of B is turned to where it correlates best with A's, but no farther from its
+neighbours than a catheter may twist.
+
+This fits one side to the other, cells and noise alike, and so raises any score of the two. Whoever corrects by it must
+say so, and give both figures.
 """
 
 from dataclasses import dataclass, replace
@@ -18,15 +20,17 @@ from endoct.stitching.panorama import Panorama
 
 FARTHEST_RAD = 0.15
 STEP_RAD = 0.002
-TWIST_RAD = 0.0175  # typical change over a millimetre, growing with the root of the distance: 1°
-TRUST = 20.0  # logarithm of the odds for which a correlation of 1 stands
+TWIST_RAD = 0.0175
+"""Typical change over a millimetre, 1°; it grows with the root of the distance."""
+TRUST = 20.0
+"""A correlation of 1 stands for odds with this logarithm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Twist:
-    """By how much every row of B is turned against where the alignment has it, rad in B's own θ, with its ``z_mm``.
+    """How far every row of B, at ``z_mm``, is turned from where the alignment has it, rad in B's own θ; float64 (n_z,).
 
-    float64 (n_z,); ``known``, bool (n_z,), where both sides show enough contrast.
+    ``known``, bool (n_z,), is where both sides show enough contrast.
     """
 
     z_mm: Coordinates
@@ -35,7 +39,7 @@ class Twist:
 
 
 def find_twist(a: Side, b: Side, alignment: Alignment) -> Twist:
-    """Return the twist of B's rows against A, its mean over known rows 0: that is the alignment's."""
+    """Return the twist of B's rows against A. Its mean over known rows is 0, since that is the alignment's."""
     of_a, of_b = clipped(a.evidence), clipped(b.evidence)
     grid, z_mm = b.grid, b.grid.z_mm
     placement = Placement.averaging(a.grid, alignment.inverse(), grid)
@@ -79,7 +83,7 @@ def untwisted(panorama: Panorama, twist: Twist) -> Panorama:
 
 
 def _best_course(evidence: Coordinates, shift_rad: Coordinates, z_mm: Coordinates) -> Coordinates:
-    """Return the shift of every row, of all courses the one with the most evidence less the cost of its changes."""
+    """Return the shift of every row: the course with the most evidence, less the cost of its changes."""
     n_rows = evidence.shape[0]
     apart = (shift_rad[:, None] - shift_rad[None, :]) ** 2
     gathered = np.empty_like(evidence)

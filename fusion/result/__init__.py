@@ -1,21 +1,18 @@
 """The result of a comparison as types; only they know the keys of ``result.json``."""
 
-from endoct.fusion.result.by_hand import (
+from endoct.fusion.result.result import (
+    Believable,
+    Bootstrap,
     ByHand,
+    CorrectedTwist,
+    DecidedByDepth,
     Distances,
     Moved,
     PairDistance,
     PlacedPair,
+    Result,
     StoredAlignment,
     StoredPlace,
-)
-from endoct.fusion.result.part import Interval
-from endoct.fusion.result.result import (
-    Believable,
-    Bootstrap,
-    CorrectedTwist,
-    DecidedByDepth,
-    Result,
     Threshold,
 )
 from endoct.fusion.result.scores import (
@@ -27,6 +24,7 @@ from endoct.fusion.result.scores import (
     Consensus,
     DrawnBy,
     Drift,
+    Interval,
     Limits,
     Line,
     MaskScores,

@@ -1,15 +1,142 @@
-"""The result of a comparison: what ``result.json`` says, with its doubts, also those of older versions."""
+"""The result of a comparison: what ``result.json`` says, also those of older versions.
+
+It holds the alignment, what landmark pairs did to it and say of it, the scores, and the doubts.
+"""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from dataclasses import asdict, fields
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, InstanceOf, PlainSerializer, model_validator
 
 from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
-from endoct.fusion.result.by_hand import ByHand, StoredAlignment
-from endoct.fusion.result.part import Count, Flags, Number, Numbers, Part, Texts, as_json
-from endoct.fusion.result.scores import Budget, MaskScores, Overlap, PairScores, Raters
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result.scores import (
+    Budget,
+    Count,
+    Flags,
+    MaskScores,
+    Number,
+    Numbers,
+    Overlap,
+    PairScores,
+    Part,
+    Raters,
+    Texts,
+)
+
+_Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
+_Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]
+
+
+class StoredAlignment(Part):
+    """An :class:`~endoct.fusion.geometry.alignment.Alignment` as it is stored; None where a value was not stored."""
+
+    theta_shift_rad: Number
+    z_shift_mm: Number
+    z_scale: Number
+    mirrored: bool
+    z_reversed: bool
+    confidence: Number
+    correlation: Number | None = None
+    ratio: Number | None = None
+    chance: Number | None = None
+    overlap_mm2: Number | None = None
+    uneven_rad: Number | None = None
+    twist_rad_per_mm: Number | None = None
+    covariance: _Matrix | None = None
+
+    @classmethod
+    def of(cls, alignment: Alignment | None) -> "StoredAlignment | None":
+        """Return ``alignment`` as it is stored."""
+        return None if alignment is None else cls(**asdict(alignment))
+
+    def to_alignment(self) -> Alignment:
+        """Return the alignment that was stored, with the defaults for what was not."""
+        known = {field.name: getattr(self, field.name) for field in fields(Alignment)}
+        return Alignment(**{name: value for name, value in known.items() if value is not None})
+
+
+class StoredPlace(Part):
+    """A place on the wall of one side, in the frame of its own panorama."""
+
+    theta_rad: Number
+    z_mm: Number
+
+
+class PairDistance(Part):
+    """How far B's place of a pair, moved into A's frame, lies off A's: signed by direction, and in all."""
+
+    around_mm: Number
+    along_mm: Number
+    distance_mm: Number
+
+
+class PlacedPair(Part):
+    """A landmark pair with its distance under the automatic alignment and under the one that was used.
+
+    Either distance is None where there is no such alignment.
+    """
+
+    name: str
+    role: Literal["correct", "check"]
+    a: StoredPlace
+    b: StoredPlace
+    sigma_mm: Number
+    before: PairDistance | None
+    after: PairDistance | None
+
+
+class Distances(Part):
+    """The median and the largest distance of several pairs; around and along the bore regardless of sign."""
+
+    pairs: Count
+    median_mm: Number
+    max_mm: Number
+    around_median_mm: Number
+    around_max_mm: Number
+    along_median_mm: Number
+    along_max_mm: Number
+
+
+class Moved(Part):
+    """How far pairs moved B from the automatic alignment; ``around_mm`` and ``along_mm`` are in the pairs' middle."""
+
+    around_mm: Number
+    along_mm: Number
+    turn_rad: Number
+    z_scale: Number
+
+
+class ByHand(Part):
+    """What landmark pairs did to an alignment, and what they say of it.
+
+    Attributes
+    ----------
+    corrected: whether pairs moved, or established, the alignment.
+    automatic: the best alignment found without them.
+    automatic_reason: why that was not accepted; None where it was.
+    scale_share: how much of the scale along the bore is by the pairs, 0 to 1. The rest is what was known before them.
+    orientation_by_pairs: whether handedness and direction are by the pairs.
+    moved: None where nothing was moved, or there was nothing that could be.
+    misfit: how far the correcting pairs lie apart once they have corrected, as a multiple of their ``sigma_mm``. None
+        where they decide too little to say.
+    pairs: every pair, in the order of the session.
+    correct: what is left between the correcting pairs. It is no error of the alignment.
+    check: the error of the alignment, by the pairs that had no part in it.
+    """
+
+    corrected: bool
+    automatic: StoredAlignment | None
+    automatic_reason: str | None = None
+    scale_share: Number = 0.0
+    orientation_by_pairs: bool = False
+    moved: Moved | None = None
+    misfit: Number | None = None
+    pairs: Annotated[tuple[PlacedPair, ...], Field(strict=False)]
+    correct: Distances | None = None
+    check: Distances | None = None
 
 
 def _read(given: object) -> Doubt:
@@ -26,7 +153,7 @@ StoredDoubt = Annotated[InstanceOf[Doubt], BeforeValidator(_read), PlainSerializ
 def with_doubts_as_list(stored: Mapping[str, object]) -> Mapping[str, object]:
     """Return the object of a ``result.json`` with one list of doubts.
 
-    Older versions wrote sentences by side, which their notes repeated. What is of neither form is left as it is.
+    Older versions wrote sentences by side, which their notes repeated. An object of neither form is left as it is.
     """
     by_side = stored.get("doubts")
     if not isinstance(by_side, Mapping) or not all(_is_texts(said) for said in by_side.values()):
@@ -40,6 +167,13 @@ def with_doubts_as_list(stored: Mapping[str, object]) -> Mapping[str, object]:
 
 def _is_texts(said: object) -> bool:
     return isinstance(said, list | tuple) and all(isinstance(text, str) for text in said)
+
+
+def as_json(value: object) -> object:
+    """Return the dumped ``value`` with lists for its tuples, as JSON read back has it."""
+    if isinstance(value, dict):
+        return {key: as_json(inner) for key, inner in value.items()}
+    return [as_json(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 class Believable(Part):
@@ -58,9 +192,9 @@ class DecidedByDepth(Part):
 
 
 class Threshold(Part):
-    """The evidence above which a sample is cell; ``value`` None for a mask, which is taken as given.
+    """The evidence above which a sample is cell; ``value`` is None for a mask, which is taken as given.
 
-    ``by_depth``: how much depth by parallax decided, None where it was not asked.
+    ``by_depth``: how much depth by parallax decided; None where it had no say.
     """
 
     value: Number | None = None
@@ -79,7 +213,7 @@ class Bootstrap(Part):
 
 
 class CorrectedTwist(Part):
-    """By how much every row of B was turned to where it fits A best, and the Jaccard index without and with that."""
+    """How far every row of B was turned to where it fits A best, and the Jaccard index without and with that."""
 
     note: str | None = None
     z_mm: Numbers = ()
@@ -95,19 +229,22 @@ class Result(Part):
     Attributes
     ----------
     sides: names of the two sides, A first.
-    alignment: where B lies in A's frame; ``best_unbelieved`` the best there was where none reached ``believed_if``.
-    jaccard, dice: of the two sides on the common grid.
-    threshold, polarity, polarity_from: by side: what its cells were segmented by, whether they are dark or bright, and
-        how that is known; None where the question does not arise.
+    alignment: where B lies in A's frame.
+    best_unbelieved: the best alignment there was, where none reached ``believed_if``.
+    jaccard, dice: of the two sides on the common grid. None where they are not aligned, or neither shows a cell.
+    threshold: by side, what its cells were segmented by.
+    polarity, polarity_from: by side, whether its cells are dark or bright, and how that is known. None where the
+        question does not arise.
     scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
     valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
-    doubts: what speaks against the whole: the comparison first, then A, then B. Results of older versions had sentences
-        by side; they are read as doubts without a code of their own.
+    doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
+        side, which are read as doubts without a code of their own.
     notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
-    twist: where it was asked for to correct it.
-    by_hand: where a session with landmark pairs was given.
-    truth: by the path of a mask given as truth, then by side; ``raters`` where there were several such masks.
-    versions, inputs, parameters, seconds: by package, path (sha256), side (or "compare") and stage.
+    twist: what was corrected, where a correction of the twist was asked for.
+    by_hand: what landmark pairs did and say, where a session with some was given.
+    truth: scores by the path of a mask given as truth, then by side.
+    raters: how far several such masks agree.
+    versions, inputs, parameters, seconds: by package, path (a SHA-256 each), side (or "compare") and stage.
     """
 
     sides: Annotated[tuple[str, str], Field(strict=False)]
@@ -181,9 +318,9 @@ class Result(Part):
         parameters: Mapping[str, Mapping[str, object]],
         seconds: Mapping[str, float],
     ) -> "Result":
-        """Return the whole result: this with the scores against masks, where there are any, and how it was made.
+        """Return the whole result: this one, with the scores against masks, where there are any, and how it was made.
 
-        ``notes`` are what the sides' panoramas note; what the comparison noted joins them.
+        ``notes`` are those of the sides' panoramas; what the comparison noted joins them.
         """
         made = {
             "notes": {side: tuple(dict.fromkeys([*said, *self.notes.get(side, ())])) for side, said in notes.items()},

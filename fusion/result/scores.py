@@ -1,23 +1,43 @@
-"""How far masks of one wall agree: overlap, outlines, cells, and what matched cells measure.
+"""How far masks of one wall agree, as parts of a result: overlap, outlines, cells, and what matched cells measure.
 
 The budget says where the disagreement of two sides comes from: 1 − J parted into four causes. The scores of raters
 say how far people who draw cells agree, and what they agree on.
+
+Every part of a result is a frozen record that keeps to its kinds. It knows what was stated: a key that was not is
+absent from the JSON again. None is null, and stands where something was looked for and is not there. Keys that no
+part names are kept as they came, so that results of other versions can be read and written.
 """
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from endoct.fusion.result.part import Count, Interval, Number, Part, Texts, WholeOrNumber
+Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+WholeOrNumber = Annotated[int | float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+"""A number that stays whole where it is whole: the sum over nothing is 0, not 0.0."""
+Count = Annotated[int, Field(ge=0, le=10**12)]
+# JSON has lists only: a list is taken for a tuple, but what it holds is checked strictly
+Interval = Annotated[tuple[Number, Number], Field(strict=False)]
+Numbers = Annotated[tuple[Number, ...], Field(strict=False)]
+Flags = Annotated[tuple[bool, ...], Field(strict=False)]
+Texts = Annotated[tuple[str, ...], Field(strict=False)]
+
+
+class Part(BaseModel):
+    """A part of a result, see the module."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="allow", populate_by_name=True)
 
 
 class Overlap(Part):
-    """Two masks, counted sample by sample where both sides observed the wall.
+    """Two masks, counted sample by sample where both sides observed the wall; areas are on the nominal bore.
 
-    ``jaccard`` |A ∩ B| / |A ∪ B| and ``dice`` 2 |A ∩ B| / (|A| + |B|), None where neither shows a cell; areas on the
-    nominal bore; ``sites``: places where either shows a cell, over which the intervals are bootstrapped;
-    ``jaccard_without_two``: the least and the largest index that is left without any one or two of them, None where
-    there are no more than two.
+    Attributes
+    ----------
+    jaccard, dice: |A ∩ B| / |A ∪ B| and 2 |A ∩ B| / (|A| + |B|), None where neither shows a cell.
+    sites: places where either shows a cell, over which the intervals are bootstrapped.
+    jaccard_without_two: the least and the largest index that is left without any one or two sites; None where there
+        are no more than two.
     """
 
     jaccard: Number | None = None
@@ -59,8 +79,8 @@ class BoundaryScores(Part):
 class CellScores(Part):
     """Cells as objects, those of ``other`` against those of ``reference``; only cells that both sides observed.
 
-    ``quality`` is the panoptic quality; ``half_covered_of_…`` the share of cells of which the other side's mask covers
-    one half and more.
+    ``quality`` is the panoptic quality. ``half_covered_of_…`` is the share of cells of which the other side's mask
+    covers one half or more.
     """
 
     reference: str | None = None
@@ -143,9 +163,9 @@ class Strata(Part):
 class ReliefStratum(Part):
     """Where both reliefs together lie from ``low`` on and below ``to`` behind the wall, mm; None: open.
 
-    ``mean``, ``median`` and robust ``spread`` of the second relief less the first, mm; ``low_limit`` and ``high_limit``
-    its 2.5th and 97.5th percentiles; ``within_two_errors`` the share within two stated standard errors. None where
-    there are too few samples, or no error is stated.
+    ``mean``, ``median`` and robust ``spread`` are of the second relief less the first, mm; ``low_limit`` and
+    ``high_limit`` are its 2.5th and 97.5th percentiles. ``within_two_errors`` is the share within two stated standard
+    errors. They are None where there are too few samples, or no error is stated.
     """
 
     low: Number | None = Field(validation_alias="from", serialization_alias="from")

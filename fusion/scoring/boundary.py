@@ -1,8 +1,8 @@
-"""How far two outlines lie from each other on the cylinder, in mm: θ is a circle, samples need not be square.
+"""How far two outlines lie from each other on the cylinder, in mm. θ is a circle, and samples need not be square.
 
-The outline of a mask runs between samples (marching squares; Nikolov et al. 2018, arXiv:1809.04430, whose
-``surface-distance`` does the same on a plane). Where either side did not observe the wall there is no outline: the
-end of what was observed is no edge of a cell.
+The outline of a mask runs between samples, by marching squares. ``surface-distance`` does the same on a plane (Nikolov
+et al. 2018, arXiv:1809.04430). Where either side did not observe the wall there is no outline: the end of what was
+observed is no edge of a cell.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.result import BoundaryScores
 from endoct.fusion.scoring.intervals import Interval, ratio_interval
-from endoct.fusion.scoring.overlap import Sites
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Sites, Surface
 from endoct.stitching.grid import SurfaceGrid
 
 PERCENTILE = 0.95
@@ -32,7 +31,7 @@ class Outline:
 
 @dataclass(frozen=True, eq=False)
 class BoundaryDistances:
-    """From every piece of one outline to the nearest of the other, both ways: (n_a,) and (n_b,), mm."""
+    """Distances from every piece of either outline to the nearest of the other: (n_a,) and (n_b,), mm."""
 
     a: Outline
     b: Outline
@@ -47,7 +46,7 @@ class BoundaryDistances:
 
     @property
     def p95_mm(self) -> float:
-        """The larger of the two ways' 95th percentiles over length."""
+        """The 95th percentile over length, the larger of both ways."""
         return max(_percentile(self.a_to_b_mm, self.a.length_mm), _percentile(self.b_to_a_mm, self.b.length_mm))
 
     def within(self, tolerance_mm: float) -> float:
@@ -105,8 +104,9 @@ def boundary_scores(
 
 
 def near(distance_mm: Coordinates, tolerance_mm: float) -> Coordinates:
-    """Return 1.0 where a distance is within the tolerance, else 0.0; distances on a grid often equal it but for
-    rounding.
+    """Return 1.0 where a distance is within the tolerance, else 0.0.
+
+    Distances on a grid often equal it but for rounding, which is allowed for.
     """
     return (distance_mm <= tolerance_mm * (1 + 1e-9)).astype(np.float64)
 

@@ -2,21 +2,22 @@
 
 Ideal masks are sent through what is known to lie between them, one cause after the other, and lose overlap:
 
-1. The wall as both would see it if nothing went wrong: the cells of the side with the finer rows, and those cells of
-   the other of which it shows nothing. J₀ = 1.
-2. **Alignment**: B really lies where a draw from the alignment's covariance says, but is placed where the alignment
-   says. J₁; the part is 1 − J₁.
-3. **Sampling**: each side samples the wall only at its own rows and columns (at a phase of the rows that is drawn as
-   well), and is brought from there to the common grid as real masks are. J₂; the part is J₁ − J₂.
-4. **Visibility**: each side loses the cells of the other of which it has no sign: not a sample of a cell in its mask
-   worth mentioning, and evidence over the cell no stronger than over 95 % of its bare wall on patches of that size.
-   J₃; the part is J₂ − J₃. A hand-drawn mask has no evidence: nothing is called invisible to it.
-5. **Segmentation**: the rest, J₃ − J. All that no cause above predicts: cells missed or drawn differently though there
-   was a sign of them, and departures from a rigid alignment. It is negative where more loss is predicted than there is.
+1. The ideal is the wall as both would see it if nothing went wrong. It has the cells of the side with the finer rows,
+   and the cells of the other of which that side shows nothing. J₀ = 1.
+2. **Alignment**: B really lies where a draw from the alignment's covariance says. It is placed where the alignment
+   says. That gives J₁; the part is 1 − J₁.
+3. **Sampling**: each side samples the wall only at its own rows and columns; the phase of the rows is drawn as well.
+   From there it is brought to the common grid as real masks are. That gives J₂; the part is J₁ − J₂.
+4. **Visibility**: each side loses the cells of the other of which it has no sign. Its mask hardly covers them, and
+   its evidence over them is no stronger than over 95 % of its bare wall, on patches of that size. That gives J₃; the
+   part is J₂ − J₃. A hand-drawn mask has no evidence: nothing is called invisible to it.
+5. **Segmentation**: the rest, J₃ − J, is all that no cause above predicts. Cells were missed or drawn differently
+   though there was a sign of them, or departures from a rigid alignment. It is negative where more loss is predicted
+   than there is.
 
-Every J is over the samples that both sides observed, and the mean over draws; so the parts sum to 1 − J exactly.
-What one side did not cover at all is in no J; it is given separately, as an area. Intervals are
-bootstrapped over patches of wall and draws together.
+Every J is over the samples that both sides observed, and is the mean over draws. So the parts sum to 1 − J exactly.
+What one side did not cover at all is in no J; it is given separately, as an area. Intervals are bootstrapped over
+patches of wall and draws together.
 """
 
 from collections.abc import Sequence
@@ -35,8 +36,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, sign
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, invisible_cells
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, ratio, weights
-from endoct.fusion.scoring.overlap import agreement
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface, agreement
 from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.grid import SurfaceGrid
 
@@ -45,15 +45,15 @@ PARTS = tuple(BudgetParts.model_fields)
 DRAWS = 12
 FINEST_DZ_MM = 0.04
 MOST_COLUMNS = 512
-"""Outlines are moved by fractions of a sample, as distances; so samples may be this wide."""
+"""Samples may be this wide, since outlines are moved by fractions of a sample, as distances."""
 PATCH_MM = 1.0
-SHOWN_SHARE = 0.1
-"""A cell of which the other side's mask covers less than this is one that it does not show."""
+COVERED_SHARE = 0.1
+"""A side does not show a cell of the other where its mask covers less than this share of it."""
 
 T = TypeVar("T", bound=np.generic)
 
 Count = tuple[Coordinates, Coordinates]
-"""Samples per patch in both masks, and in either."""
+"""Samples in both masks, and in either, by patch of wall."""
 
 
 def agreement_budget(
@@ -62,9 +62,9 @@ def agreement_budget(
     cells: Sequence[Cell],
     grid: SurfaceGrid,
 ) -> Budget | None:
-    """Return the budget, see the module; None where neither side shows a cell.
+    """Return the budget that the module describes; None where neither side shows a cell.
 
-    ``surfaces`` and ``cells`` are what both sides show on ``grid``, ``samplings`` how they came there.
+    ``surfaces`` and ``cells`` are what both sides show on ``grid``; ``samplings`` say how they came there.
     """
     placing = samplings[1].where
     coarse = _thin(grid)
@@ -115,7 +115,7 @@ class _Ideal:
         self._everywhere = np.ones(grid.shape, np.bool_)
 
     def placed(self, side: Sampling, truly: Alignment, phase_mm: float) -> Mask:
-        """Return the wall, shifted by ``phase_mm``, as ``side`` places it, which ``truly`` lies there."""
+        """Return the wall, shifted by ``phase_mm``, as ``side`` places it; ``truly`` is where that side lies."""
         distance = self._distance(_between(side.where, truly), self._grid, phase_mm)
         return distance > 0
 
@@ -133,14 +133,14 @@ class _Ideal:
 
 
 def _between(measured: Alignment, truly: Alignment) -> Alignment:
-    """Return what takes a place of A's frame that is truly there to where ``measured`` puts it."""
+    """Return the alignment that takes a true place in A's frame to where ``measured`` puts it."""
     scale = measured.z_scale / truly.z_scale
     sense = measured.theta_shift_rad - truly.theta_shift_rad
     return Alignment(float(np.mod(sense, 2 * np.pi)), measured.z_shift_mm - scale * truly.z_shift_mm, scale)
 
 
 def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]:
-    """Return where B may truly lie, and a phase of the rows each; a Latin hypercube, always the same."""
+    """Return where B may truly lie, each with a phase of the rows: a Latin hypercube, always the same."""
     rng = np.random.default_rng(SEED)
     strata = (np.stack([rng.permutation(DRAWS) for _ in range(4)], axis=1) + 0.5) / DRAWS
     covariance = np.zeros((3, 3)) if placing.covariance is None else np.array(placing.covariance)
@@ -161,8 +161,8 @@ def _draws(placing: Alignment, pitch_mm: float) -> list[tuple[Alignment, float]]
 
 
 def _listed(cells: Sequence[Cell], side: str) -> list[int]:
-    """Return the ids of the side's cells of which the other shows nothing though it looked."""
-    return [c.id for c in cells if c.side == side and c.covered is not None and c.covered < SHOWN_SHARE]
+    """Return the ids of the side's cells of which the other shows nothing, though it observed them."""
+    return [c.id for c in cells if c.side == side and c.covered is not None and c.covered < COVERED_SHARE]
 
 
 def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:

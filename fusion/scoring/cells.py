@@ -15,9 +15,8 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import masked_gaussian, wrap_rad
 from endoct.fusion.evidence.evidence import CLIP
 from endoct.fusion.result import CellScores, Drift, Limits, Line
-from endoct.fusion.scoring.intervals import ratio_interval
-from endoct.fusion.scoring.overlap import bland_altman
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.intervals import bland_altman, ratio_interval
+from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.segmentation.regions import Labels, quantiles
 from endoct.stitching.grid import SurfaceGrid
 
@@ -35,20 +34,23 @@ class Cell:
 
     Attributes
     ----------
-    side: name of the side that shows it; ``id`` from 1 in the order of z on that side.
-    area_mm2: on the nominal bore. ``z_mm``, ``theta_rad`` in [0, 2π): its centroid, the mean on the circle.
-    depth_median_mm, depth_p95_mm: of the relief behind the wall; ``volume_mm3`` between the nominal bore and that
-        relief, the fan of a cylinder; ``depth_of`` the side that measured them: its own, else the other, over what
-        that one observed; one that tells depth by parallax comes last, and must know it on half of the cell, whose
-        rest is taken to be as deep. None where no side has depth there.
+    side: name of the side that shows it.
+    id: number from 1, in the order of z on that side.
+    area_mm2: area on the nominal bore.
+    z_mm, theta_rad: its centroid, θ in [0, 2π); the mean is taken on the circle.
+    depth_median_mm, depth_p95_mm: of the relief behind the wall.
+    volume_mm3: between the nominal bore and that relief, the fan of a cylinder.
+    depth_of: the side that measured depth and volume: its own, else the other, over what that one observed. A side
+        with depth by parallax comes last. It must know the depth on half of the cell; the rest is taken to be as deep.
+        Depth and volume are None where no side has depth there.
     contrast: median of ± log of intensity relative to the wall's, where the side's cells are segmented by intensity.
     touches_edge: whether it reaches the end of what its side observed, and so may be larger than it looks.
-    observed_by_other: share of its area that the other side observed; ``covered`` share of that in which the other
-        side shows cells too, None where it observed nothing.
-    seen_by: "both" where any part is cell for the other side too, else ``side``; where the two sides are not aligned
-        nobody knows: ``side``.
-    partner: id of the other side's cell with the largest ``overlap``, intersection over union where both observed;
-        None and 0 where none overlaps.
+    observed_by_other: share of its area that the other side observed.
+    covered: share of the area observed by the other side in which that shows cells too; None where it observed nothing.
+    seen_by: "both" where any part is cell for the other side too, else ``side``. It is ``side`` as well where the two
+        sides are not aligned, since nobody knows.
+    partner: id of the other side's cell with the largest ``overlap``; None where none overlaps.
+    overlap: intersection over union where both sides observed; 0 where none overlaps.
     """
 
     side: str
@@ -75,7 +77,7 @@ class Cell:
 
     @property
     def counts(self) -> bool:
-        """Whether the other side observed enough of it to be asked for it."""
+        """Whether the other side observed enough of it to be expected to show it."""
         return self.observed_by_other >= OBSERVED
 
     @property
@@ -96,7 +98,7 @@ class Matched:
     common: sparse.csr_array
 
     def best(self) -> tuple[NDArray[np.int64], Coordinates]:
-        """Return for every label of A (the partner in B with the largest overlap, 0 for none; that overlap)."""
+        """Return, for every label of A, (the partner in B with the largest overlap, 0 for none; that overlap)."""
         pairs = self.common.tocoo()
         overlap = pairs.data / (self.area_a[pairs.row] + self.area_b[pairs.col] - pairs.data)
         partner, best = np.zeros(self.area_a.size, np.int64), np.zeros(self.area_a.size)
@@ -122,8 +124,9 @@ def match(a: Labels, b: Labels, both: Mask) -> Matched:
 
 
 def measure(a: Surface, b: Surface, grid: SurfaceGrid, *, aligned: bool) -> tuple[Cell, ...]:
-    """Return every cell of both sides, A's first. Where not ``aligned``, cells have no partners and no depth but
-    their own side's.
+    """Return every cell of both sides, A's first.
+
+    Where the sides are not ``aligned``, cells have no partners, and no depth but their own side's.
     """
     both = a.valid & b.valid if aligned else np.zeros(grid.shape, np.bool_)
     matched = match(a.labels, b.labels, both)
@@ -208,25 +211,25 @@ class _Depth:
         )
 
 
-def _known_quantiles(values: Image, found: Labels, n: int, share: float) -> list[float | None]:
-    return [None if np.isnan(value) else float(value) for value in quantiles(values, found, n, share)]
+def _known_quantiles(values: Image, labels: Labels, n: int, share: float) -> list[float | None]:
+    return [None if np.isnan(value) else float(value) for value in quantiles(values, labels, n, share)]
 
 
 def _at_edge(valid: Mask) -> Mask:
-    """Return the samples with a neighbour that was not observed, or none because z ends."""
+    """Return the samples with a neighbour that was not observed, or with none because z ends there."""
     rows = np.pad(valid, ((1, 1), (0, 0)))
     inside = rows[:-2] & rows[2:] & np.roll(valid, 1, axis=1) & np.roll(valid, -1, axis=1)
     return ~inside
 
 
 FEWEST_TO_DRIFT = 6
-"""From fewer matched cells no drift is estimated."""
+"""No drift is estimated from fewer matched cells than this."""
 
 
 def cell_scores(reference: str, other: str, cells: Sequence[Cell]) -> CellScores | None:
     """Return precision and recall of ``other``'s cells against ``reference``'s, and their panoptic quality.
 
-    Kirillov et al. 2019, Panoptic Segmentation: quality = Σ overlap of matched pairs / (pairs + half the rest). None
+    Quality = Σ overlap of matched pairs / (pairs + half the rest) (Kirillov et al. 2019, Panoptic Segmentation). None
     where neither side has a cell that counts.
     """
     of_reference = [c for c in cells if c.side == reference and c.counts]
@@ -289,8 +292,8 @@ def depth_limits(a: str, b: str, cells: Sequence[Cell]) -> Limits | None:
 def drift(a: str, b: str, cells: Sequence[Cell], grid: SurfaceGrid) -> Drift | None:
     """Return how far matched whole cells lie apart, B's less A's, along z and around the bore, and how that grows.
 
-    By least squares. What a rigid alignment should leave is no slope. None where there are too few pairs, or all of
-    them lie at one place along z.
+    Lines are fitted by least squares; a rigid alignment should leave no slope. None where there are too few pairs, or
+    all of them lie at one place along z.
     """
     pairs = whole_pairs(a, b, cells)
     at_mm = np.array([one.z_mm for one, _ in pairs])
@@ -321,15 +324,15 @@ def _mean(values: Coordinates) -> float | None:
 QUANTILE = 0.95
 """Share of bare wall over which the evidence must rise to count as a sign of a cell."""
 LEAST_WALL = 100
-"""Of fewer samples of bare wall nothing is said."""
+"""Nothing is said of cells where there are fewer samples of bare wall."""
 
 
 def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: SurfaceGrid) -> list[int]:
-    """Return those of the cells ``ids`` in ``labels`` of which ``side`` has no sign where it observed them.
+    """Return the cells among ``ids`` in ``labels`` of which ``side`` has no sign where it observed them.
 
-    There is a sign where the mean evidence over a cell exceeds what 95 % of bare wall has, averaged over patches of
-    the cell's size (a Gaussian of as many independent samples as a disc of its area, in steps of an octave). Cells
-    that ``side`` did not observe, that have no sample, or of which nothing can be said, are not among the answer.
+    There is a sign where the mean evidence over a cell exceeds that of 95 % of bare wall, on patches of its size. Such
+    a patch is a Gaussian of as many independent samples as a disc of the cell's area, in steps of an octave. The answer
+    leaves out cells that ``side`` did not observe, that have no sample, or of which nothing can be said.
     """
     evidence = _evidence(side)
     if evidence is None or not ids:
@@ -350,14 +353,14 @@ def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: Sur
 
 
 def _evidence(side: Surface) -> Image | None:
-    """Return the evidence by which the side's cells were segmented, within the range that says something."""
+    """Return the evidence by which the side's cells were segmented, clipped to the range that says something."""
     if side.contrast is not None:
         return np.clip(side.contrast, *CLIP["darkness"])
     return None if side.relief_mm is None else np.clip(side.relief_mm, *CLIP["relief"])
 
 
 def _limit(evidence: Image, wall: Mask, diameter_mm: float, grid: SurfaceGrid) -> float:
-    """Return what the mean over a disc of ``diameter_mm`` exceeds on one bare place in twenty."""
+    """Return the limit that the mean over a disc of ``diameter_mm`` exceeds on one bare place in twenty."""
     sigma_mm = diameter_mm / 4
     mean = masked_gaussian(np.where(wall, evidence, 0), wall, sigma_mm / grid.dz_mm, sigma_mm / grid.dtheta_mm)
     return float(np.quantile(mean[wall], QUANTILE))

@@ -1,4 +1,4 @@
-"""How far two masks of one wall agree, where both sides observed it.
+"""What two sides show of one wall, and how far their masks agree where both observed it.
 
 Sites are the connected places where either side shows a cell. An overlap is counted over them, resampled over them,
 and sorted by them.
@@ -6,29 +6,57 @@ and sorted by them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.fusion.result import Limits, Overlap, Strata, Stratum
-from endoct.fusion.scoring.intervals import Interval, interval_of, ratio, ratio_interval
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.result import Overlap, Strata, Stratum
+from endoct.fusion.scoring.intervals import Interval, ratio, ratio_interval
 from endoct.fusion.segmentation.regions import Labels, label_in_order, quantiles
 
 SIZE_EDGES_MM = (0.3, 0.6)
-"""Diameters of the circle of a site's area at which sizes are parted."""
+"""Sizes are parted at these diameters of the circle of a site's area."""
 DEPTH_EDGES_MM = (0.1, 0.3)
 CONTRAST_EDGES = (0.4, 0.8)
 DECIDING = 100
+NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
+"""What a sample of two masks may be."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What one side knows of the wall on a common grid, all (n_z, n_theta).
+
+    Attributes
+    ----------
+    mask, valid: bool, its cells and what it observed.
+    relief_mm: float32 behind the wall, NaN where unknown; None where the side has no depth.
+    contrast: float32, the evidence by which its cells were separated from the wall; None where that is no intensity.
+    relief_error_mm: float32, the standard error of the relief; None where none is stated, as it is for parallax.
+    """
+
+    name: str
+    mask: Mask
+    valid: Mask
+    relief_mm: Image | None = None
+    contrast: Image | None = None
+    relief_error_mm: Image | None = None
+
+    @cached_property
+    def labels(self) -> Labels:
+        """Its cells by number, int32 (n_z, n_theta), as :func:`endoct.fusion.segmentation.regions.label_in_order`."""
+        return label_in_order(self.mask)
 
 
 @dataclass(frozen=True, eq=False)
 class Sites:
     """Connected places where either of two masks shows a cell, over the seam of θ, where both sides observed.
 
-    ``labels`` (n_z, n_theta), 1 … n; ``both``, ``only_a``, ``only_b`` samples of each, float64 (n,); ``sample_mm2``
-    what a sample measures. Sites are what is resampled: samples of one cell are not independent, cells nearly are.
+    ``labels`` (n_z, n_theta) run from 1 to n; ``both``, ``only_a`` and ``only_b`` count samples of each site, float64
+    (n,); ``sample_mm2`` is the area of a sample. Sites are resampled as a whole: samples of one cell are not
+    independent, cells nearly are.
     """
 
     labels: Labels
@@ -47,7 +75,7 @@ class Sites:
         return ratio_interval(self.both[which], (self.both + self.only_a + self.only_b)[which])
 
     def jaccard_without_two(self) -> Interval:
-        """Return the least and the largest Jaccard index without any one or two sites; None where no more are there.
+        """Return the least and the largest Jaccard index without any one or two sites; None where there are no more.
 
         Only the :data:`DECIDING` largest sites are left out: none of the others moves the index by as much.
         """
@@ -90,8 +118,8 @@ def find_sites(a: Mask, b: Mask, both_valid: Mask, sample_mm2: float) -> Sites:
 def strata(sites: Sites, surfaces: Sequence[Surface]) -> Strata:
     """Return the Jaccard index over sites parted by size, depth and contrast, where sides know these.
 
-    Contrast is the median over a site of the first of ``surfaces`` that has it; so is depth, of the first that
-    measures it and, where none does, of the first that tells it by parallax.
+    Contrast is the median over a site, of the first of ``surfaces`` that has it. So is depth: of the first that
+    measures it or, where none does, of the first that has it by parallax.
     """
     with_relief = sorted((s for s in surfaces if s.relief_mm is not None), key=lambda s: s.relief_error_mm is not None)
     relief = next((s.relief_mm for s in with_relief), None)
@@ -126,14 +154,9 @@ def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> tuple[Stra
     return tuple(rows)
 
 
-FEWEST_PAIRS = 3
-NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
-"""What a sample of two masks is."""
-
-
 @dataclass(frozen=True)
 class Agreement:
-    """Samples of two masks, counted where both are valid, and what a sample measures on the wall in mm²."""
+    """Samples of two masks, counted where both are valid, and the area of a sample on the wall in mm²."""
 
     both: int
     only_a: int
@@ -196,23 +219,3 @@ def difference(a: Mask, b: Mask, valid: Mask) -> NDArray[np.int8]:
     """Return per sample NEITHER, BOTH, ONLY_A or ONLY_B, and −1 where it is not ``valid``, int8."""
     codes = np.select([a & b, a & ~b, ~a & b], [BOTH, ONLY_A, ONLY_B], default=NEITHER)
     return np.where(valid, codes, -1).astype(np.int8)
-
-
-def bland_altman(a: Coordinates, b: Coordinates) -> Limits | None:
-    """Return how far ``b`` differs from ``a``, pairs of measurements (n,) each; None for fewer than three.
-
-    Bland and Altman 1986 (doi:10.1016/S0140-6736(86)90837-8): ``bias`` the mean of b − a, ``low`` and ``high`` the
-    limits bias ± 1.96 SD within which 95 % of differences lie if they are normal; ``bias_interval`` bootstrapped over
-    pairs.
-    """
-    if a.size < FEWEST_PAIRS:
-        return None
-    differs = b - a
-    bias, spread = float(differs.mean()), 1.96 * float(differs.std(ddof=1))
-    return Limits(
-        pairs=int(a.size),
-        bias=bias,
-        low=bias - spread,
-        high=bias + spread,
-        bias_interval=interval_of(differs, np.mean),
-    )

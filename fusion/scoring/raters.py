@@ -47,7 +47,7 @@ def rater_agreement(drawings: Sequence[Drawing], grid: SurfaceGrid, tolerance_mm
 
 
 def majority(drawings: Sequence[Drawing]) -> Mask:
-    """Return what more than half of the raters drew, each by the mean over the sessions; bool (n_z, n_theta)."""
+    """Return what more than half of the raters drew, each by the mean over their sessions; bool (n_z, n_theta)."""
     raters = list(dict.fromkeys(drawing.rater for drawing in drawings))
     shares = [np.mean([d.mask for d in drawings if d.rater == rater], axis=0, dtype=np.float32) for rater in raters]
     return np.asarray(np.mean(shares, axis=0) > 0.5 + 1e-6)
@@ -56,13 +56,13 @@ def majority(drawings: Sequence[Drawing]) -> Mask:
 def staple(drawings: Sequence[Drawing], valid: Mask) -> tuple[Mask, tuple[Performance, ...]]:
     """Return (the consensus, bool (n_z, n_theta), within ``valid``; each drawing's sensitivity and specificity).
 
-    Simultaneous truth and performance level estimation (Warfield, Zou and Wells 2004, doi:10.1109/TMI.2004.828354),
-    every drawing a rater of its own, the prior the mean share of cells, no spatial prior; a sample is cell where its
-    posterior is one half and more. Raises ValueError for more than ``MOST_DRAWINGS``.
+    By simultaneous truth and performance level estimation (Warfield, Zou and Wells 2004, doi:10.1109/TMI.2004.828354).
+    Every drawing is a rater of its own. The prior is the mean share of cells; there is no spatial prior. A sample is
+    cell where its posterior is one half or more. Raises ValueError for more than ``MOST_DRAWINGS``.
     """
     if len(drawings) > MOST_DRAWINGS:
         raise ValueError(f"{len(drawings)} drawings are more than {MOST_DRAWINGS}")
-    # samples that were judged alike by all are one: there are few ways to be judged
+    # samples that all drawings judge alike count as one: there are few ways to be judged
     code = np.zeros(valid.shape, np.int64)
     for k, drawing in enumerate(drawings):
         code |= drawing.mask.astype(np.int64) << k
@@ -97,11 +97,11 @@ def _expectation_maximisation(
     return posterior, sensitivity, specificity
 
 
-def _scores(one: Drawing, two: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> PairwiseScores:
-    both = one.valid & two.valid
-    counted = agreement(one.mask, two.mask, both, grid.dz_mm * grid.dtheta_mm)
-    of_one, of_two = (outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (one, two))
-    apart = boundary_distances(of_one, of_two, grid.n_theta * grid.dtheta_mm)
+def _scores(first: Drawing, second: Drawing, grid: SurfaceGrid, tolerance_mm: float) -> PairwiseScores:
+    both = first.valid & second.valid
+    counted = agreement(first.mask, second.mask, both, grid.dz_mm * grid.dtheta_mm)
+    of_first, of_second = (outline(drawing.mask, both, grid.dz_mm, grid.dtheta_mm) for drawing in (first, second))
+    apart = boundary_distances(of_first, of_second, grid.n_theta * grid.dtheta_mm)
     return PairwiseScores(
         jaccard=counted.jaccard,
         dice=counted.dice,

@@ -1,6 +1,6 @@
 """Cells of an image as the learned eye of its modality sees them, and how sure it is.
 
-Its probabilities are calibrated, so they say what Jaccard index to expect: what is surely cell, over what may be.
+Its probabilities are calibrated. So they say what Jaccard index to expect: what is surely cell, over what may be.
 """
 
 from collections.abc import Iterator
@@ -11,34 +11,34 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.by_depth import ByDepth
-from endoct.fusion.segmentation.learned.inputs import LOOKS_MM, grain, inputs_of
-from endoct.fusion.segmentation.learned.looking import COARSEST_MM, look, weights_for
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOKS_MM, grain, inputs_of, look, weights_for
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
-from endoct.fusion.segmentation.segment import Segmentation, doubts_of_share
+from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
 LEAST_PROBABILITY = 0.4
-"""From this on a sample is a cell. On the simulator 0.4 to 0.5 do alike, and what the eye does not know it rather
-misses."""
+"""A sample is a cell from this probability on. On the simulator 0.4 to 0.5 do alike; the eye rather misses what it does
+not know."""
 LEAST_EXPECTED = 0.82
-"""Of 24 recordings, tuning seeds, of the three with two to five small cells on a stained wall less was expected, 0.64
-to 0.74. The others score 0.04 less than expected in the median, at worst 0.17."""
+"""The eye is not sure where it expects a lower Jaccard index. Of 24 recordings, tuning seeds, it expected 0.64 to 0.74
+for three, with two to five small cells on a stained wall. The others score 0.04 less than expected in the median, at
+worst 0.17."""
 MOST_GRAIN = 0.04
-"""A wall whose neighbouring samples differ by more is none that an eye was trained on. 41 recordings of two generators
-have 0.011 to 0.025. On walls with noise in every sample, 0.06 and more, the eye took nearly all for cells."""
+"""A wall whose neighbouring samples differ by more is unlike those that an eye was trained on. 41 recordings of two
+generators have 0.011 to 0.025. Walls with noise in every sample have 0.06 and more: the eye took nearly all of them for
+cells."""
 TOO_GRAINY = "; the wall is too grainy for the learned eye"
 NOT_SURE = "; the learned eye is not sure of this wall"
 UNSURE = "cells-unsure"
 
 
 def is_familiar(side: Side) -> bool:
-    """Say whether the wall of ``side`` looks like those that an eye was trained on."""
+    """Return whether the wall of ``side`` looks like those that an eye was trained on."""
     return grain(inputs_of(side.contrast("dark"), None, LOOKS_MM[0])) <= MOST_GRAIN
 
 
 def has_eye(side: Side, parameters: SegmentParameters) -> bool:
-    """Say whether the cells of ``side`` are found by a learned eye: one was trained for it, and it shows enough."""
+    """Return whether a learned eye finds the cells of ``side``: one was trained for it, and its samples are fine."""
     grid = side.grid
     fine = max(grid.dz_mm, grid.dtheta_mm) <= COARSEST_MM
     return fine and weights_for(side.panorama.modality, parameters.eye) is not None
@@ -72,14 +72,14 @@ def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str |
 
 
 def is_sure(cells: Segmentation) -> bool:
-    """Say whether a learned eye is sure of ``cells``, which it found."""
+    """Return whether a learned eye is sure of the ``cells`` that it found."""
     return all(doubt.code != UNSURE for doubt in cells.doubts)
 
 
 def expected_jaccard(probability: Image, mask: Mask, valid: Mask) -> float:
     """Return the Jaccard index of ``mask`` to expect against the truth, if ``probability`` is right; 1 without cells.
 
-    The expected intersection over the expected union, all (n_z, n_theta), over ``valid`` samples.
+    It is the expected intersection over the expected union, over ``valid`` samples; all are (n_z, n_theta).
     """
     cells, rest = probability[mask & valid], probability[valid & ~mask]
     union = cells.size + float(rest.sum(dtype=np.float64))

@@ -1,7 +1,7 @@
 """Cells of an image without depth: regions with the clearest outlines, and what thin dark lines enclose.
 
-One threshold for all cells is too low for a deep one, which then takes in the blur around it. It is too high for a
-shallow one, whose floor is nearly as bright as the wall. Stains of the bone are as dark as that floor, but fade
+One threshold for all cells is too low for a deep cell, which then takes in the blur around it. It is too high for a
+shallow cell, whose floor is nearly as bright as the wall. Stains of the bone are as dark as that floor, but fade
 slowly. So the regions above many levels are held against the slope of the image. A region counts what its outline
 has of slopes steeper than those of the wall. From the highest level down, a region is taken where it counts more
 than what was taken within it. This is as in maximally stable regions (Matas 2004), but by the outline's contrast.
@@ -44,37 +44,38 @@ from endoct.fusion.segmentation.regions import (
 )
 
 COARSEST_MM = 0.06
-"""With samples farther apart than this an outline cannot be distinguished from a fading."""
+"""Where samples lie farther apart than this, an outline looks like a fading."""
 N_LEVELS = 9
 LOWEST_LEVEL = 0.5
-"""As part of Li's threshold; the highest is a step below the cap."""
+"""The lowest level as a share of Li's threshold; the highest is a step below the cap."""
 SLOPE_SIGMA_MM = 0.02
 LEAST_SLOPE = 2.75
 MOST_SLOPE = 8.0
-"""Slopes count from the one to the other times the wall's median slope."""
+"""Slopes count from the least to the most, as multiples of the wall's median slope."""
 LONGEST_FADE_MM = 0.1
-"""What takes longer than this to fade to the wall has no outline, however even the wall."""
+"""A region that takes longer than this to fade to the wall has no outline, however even the wall."""
 MOST_AGAINST = np.float32(0.4)
-"""By no more than this does a stretch that is less steep count against its outline: where the view is slanted, one rim
-of every cell is blurred, and the other alone must do."""
+"""A stretch that is less steep counts against its outline by no more than this. Where the view is slanted, one rim of
+every cell is blurred, and the other alone must do."""
 LEAST_COUNT_MM = 0.6
-"""Length of outline times what its slope has above ``LEAST_SLOPE``; specks of an uneven wall have less."""
+"""Least count of an outline, its length times its slope above ``LEAST_SLOPE``; specks of an uneven wall have less."""
 LARGEST_FLOOR_MM2 = 3.0
 HALF = 0.5
 BLUR_MM = 0.06
-"""Outlines within this of each other may be one, blurred; so far from an outline what is less than half is cut."""
+"""Outlines that lie within this of each other may be one, blurred. What is less than half as dark is cut as far from an
+outline."""
 
 
 def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parameters: SegmentParameters) -> Mask | None:
     """Return the regions of ``behind`` with the clearest outlines, bool (n_z, n_theta), or None.
 
-    ``prepared``: its values smoothed, floored at 0 and capped, float32; ``threshold``: Li's. None where samples lie too
-    far apart to judge an outline, or no region has a clear one.
+    ``prepared`` are its values smoothed, floored at 0 and capped, float32; ``threshold`` is Li's. None where samples
+    lie too far apart to judge an outline, or no region has a clear one.
     """
     if max(behind.dz_mm, behind.column_mm) > COARSEST_MM:
         return None
     slope, arc_mm = _slope(behind, parameters.contrast_cap)
-    # in front of the wall is nothing but wall; just behind it lie the shoulders of cells
+    # only wall lies in front of the wall; the shoulders of cells lie just behind it
     wall = behind.valid & (prepared <= 0)
     typical = float(np.median(slope[wall])) if wall.any() else 0.0
     if not typical > 0:
@@ -105,7 +106,7 @@ def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parame
 
 
 def _cut_at_half(behind: Evidence, prepared: Image, mask: Mask) -> Mask:
-    """Return ``mask`` without what, near its outline, is less than half as dark as the darkest near it."""
+    """Return ``mask`` without samples near its outline that are less than half as dark as the darkest near them."""
     darkest = _highest(prepared, behind)
     return np.asarray(mask & ~(_within(~mask, behind) & (prepared < HALF * darkest)))
 
@@ -140,26 +141,26 @@ def _slope(behind: Evidence, cap: float) -> tuple[Image, Image]:
 
 STEP_MM = 0.01
 COARSEST_LINES_MM = 0.03
-"""With samples farther apart than this a line cannot be distinguished from a grain."""
+"""Where samples lie farther apart than this, a line looks like grain."""
 ACROSS_MM, ALONG_MM = 0.012, 0.06
 N_DIRECTIONS = 12
 LEVELS = (6.0, 5.2, 4.5, 4.0, 3.5)
-"""In multiples of what the wall answers. Of a thousand samples of the wall one answers 4."""
+"""Levels of a line, in multiples of what the wall answers. One in a thousand samples of the wall answers 4."""
 MOST = 10.0
 LEAST_OUTLINE = 7.5
-"""What an outline answers in the mean, each sample counted up to ``MOST``."""
+"""An outline answers this in the mean at least, each sample counted up to ``MOST``."""
 OFF_LINE_MM = 0.03
-"""An outline is held against the strongest line within this; within this of a dark cell it is that cell's."""
+"""An outline is held against the strongest line within this. Within this of a dark cell it belongs to that cell."""
 LEAST_DARKNESS = 0.01
-"""Of the floor, in the median."""
+"""Least darkness of a floor, in the median."""
 FLOOR_SIGMA_MM = 0.015
 
 
 def enclosed_by_lines(behind: Evidence, cells: Mask, parameters: SegmentParameters) -> Mask:
     """Return what thin dark lines of ``behind`` enclose, bool (n_z, n_theta).
 
-    ``cells``: those known by their darkness; their rims speak for nothing else. Empty where samples lie too far apart
-    to tell a line.
+    ``cells`` are those known by their darkness; their rims speak for nothing else. The mask is empty where samples lie
+    too far apart to tell a line.
     """
     wall = behind.valid & (behind.values < 0)
     if max(behind.dz_mm, behind.column_mm) > COARSEST_LINES_MM or not wall.any():
@@ -175,7 +176,7 @@ def enclosed_by_lines(behind: Evidence, cells: Mask, parameters: SegmentParamete
 
 
 def _enclosed(fine: Evidence, known: Mask, parameters: SegmentParameters) -> Mask:
-    """Return what lines enclose on even samples ``STEP_MM`` apart, besides the ``known`` cells."""
+    """Return what lines enclose apart from the ``known`` cells, on even samples at a distance of ``STEP_MM``."""
     strength = _line_strength(fine, parameters.contrast_cap)
     nearby_px = OFF_LINE_MM / STEP_MM
     outline_strength = highest_within(np.minimum(strength, np.float32(MOST)), nearby_px, nearby_px)

@@ -15,13 +15,13 @@ from endoct.fusion.segmentation.parameters import SegmentParameters
 
 T = TypeVar("T", bound=np.generic)
 Labels = NDArray[np.int32]
-"""Number of the region that each sample is of, 0 outside all."""
+"""The number of the region that each sample belongs to, 0 outside all."""
 
 
 def morphology(mask: Mask, operation: Literal["open", "close"], rows_px: float, columns_px: float) -> Mask:
     """Return ``mask`` opened or closed with an ellipse of these radii (px): cyclic in θ, ending in z.
 
-    Beyond the ends of z the wall goes on as neither cell nor wall: nothing is removed or added because of them.
+    Beyond the ends of z there is neither cell nor wall: nothing is removed or added because of them.
     """
     up, across = int(rows_px), int(columns_px)
     if up == 0 and across == 0:
@@ -47,7 +47,7 @@ def highest_within(image: Image, rows_px: float, columns_px: float) -> Image:
 
 
 def within(mask: Mask, rows_px: float, columns_px: float) -> Mask:
-    """Return what lies within an ellipse of these radii, at least 1 px, of ``mask``."""
+    """Return the samples that lie within an ellipse of these radii, at least 1 px, of ``mask``."""
     return np.asarray(_dilated(np.ascontiguousarray(mask).view(np.uint8), rows_px, columns_px) > 0)
 
 
@@ -103,7 +103,7 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
 
 @compiled
 def looked_up(table: NDArray[T], labels: Labels) -> NDArray[T]:
-    """What ``table`` holds for every label."""
+    """The entry of ``table`` for every label."""
     found = np.empty(labels.shape, table.dtype)
     for row in range(labels.shape[0]):
         for column in range(labels.shape[1]):
@@ -118,7 +118,7 @@ def _counts(labels: Labels, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64
     for row in range(labels.shape[0]):
         first = 0
         for column in range(1, labels.shape[1] + 1):
-            # a run at once: each sample by itself would wait for the one before it
+            # a whole run at once: by itself, each sample would wait for the one before it
             if column == labels.shape[1] or labels[row, column] != labels[row, first]:
                 count[labels[row, first]] += column - first
                 sum_of_rows[labels[row, first]] += row * (column - first)
@@ -150,7 +150,8 @@ def clean(
 def quantiles(values: Image, labels: NDArray[np.integer], n: int, share: float) -> Coordinates:
     """Return the quantile ``share`` of the finite ``values`` of every label 0 … n, NaN where there are none.
 
-    ``values`` and ``labels`` have one shape. The quantile is one of the values, the lower where it lies between two.
+    ``values`` and ``labels`` have the same shape. The quantile is one of the values: the lower where it lies between
+    two.
     """
     known = np.isfinite(values)
     count = np.bincount(labels[known], minlength=n + 1)

@@ -1,6 +1,9 @@
-"""Cells of one side: thresholded evidence, cleaned on the circle, and how far they are to be believed.
+"""Cells of one side: evidence above a threshold, cleaned on the circle, and how far they are to be believed.
 
-What the wall around the cells shows decides how far what was segmented is believed as cells.
+Depth by parallax corrects cells that were found by their darkness. A shallow floor may be as bright as the wall, but
+lies behind it. A stain is as dark as a cell, but lies in the wall. Where depth is not known, darkness alone decides.
+
+How far cells are believed depends on what the wall around them shows.
 """
 
 from collections.abc import Iterator
@@ -16,33 +19,90 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, Polarity
-from endoct.fusion.evidence.parallax import ParallaxRelief
-from endoct.fusion.segmentation.by_depth import ByDepth, judged_by_depth
+from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
+from endoct.fusion.segmentation.regions import clean, label, looked_up, quantiles
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 
+LEAST_DEPTH_MM = 0.05
+LEAST_SIGMAS = 1.5
+"""What lies behind the wall by more than either, the depth or so many of its standard errors, is a cell."""
+FLAT_MM = 0.025
+SURE_MM = 0.05
+SURE_SHARE = 0.5
+MOST_DARKNESS = 0.3
+"""A stain lies no farther behind the wall than ``FLAT_MM`` in the median. That is known to ``SURE_MM`` on at least
+``SURE_SHARE`` of it. It is no darker than ``MOST_DARKNESS``, −log of the intensity: deep cells are darker."""
 MOST_NOISE = 0.04
 """Above this ``noise_share``, Jaccard indices against the truth were under 0.7, mostly under 0.5."""
 MOST_CELLS = 0.6
 """A wall of which more than this is cells was probably missed: bores have 0.08 to 0.3."""
 MOST_SPREAD = 0.185
 MOST_UNCLAIMED = 0.03
-"""Of 90 endoscope walls of a second generator (benchmarks/independent: sound, seeds 1300–1339 and 1500–1539, few and
-many), those above one of these two scored 0.41 to 0.78 against the truth, all others 0.60 and more."""
+"""Walls above either of these two had a Jaccard index of 0.41 to 0.78 against the truth, all others 0.60 and more.
+They are 90 endoscope walls of a second generator (benchmarks/independent: sound, seeds 1300–1339 and 1500–1539, few
+and many)."""
+LEAST_RELIEF_SIGMAS = 4.0
+"""The least threshold of relief, as a multiple of the wall's own spread. Li's threshold lies at 7 of these and more in
+bores with cells, at 0.3 without any."""
+
+
+@dataclass(frozen=True)
+class ByDepth:
+    """How much depth decided, as shares of what was observed: where it is ``known``, ``added`` and ``dropped``."""
+
+    known: float
+    added: float
+    dropped: float
+
+
+def judged_by_depth(
+    cells: Mask, darkness: Evidence, relief: ParallaxRelief, parameters: SegmentParameters
+) -> tuple[Mask, ByDepth]:
+    """Return ``cells``, bool (n_z, n_theta), with what lies behind the wall and without stains; and how much changed.
+
+    ``darkness`` is the evidence by which they were found; ``relief`` is on the same samples.
+    """
+    stains = _stains(cells, darkness, relief)
+    behind = _behind(darkness, relief, parameters)
+    both = clean((cells & ~stains) | behind, darkness.dz_mm, darkness.column_mm, parameters) | (cells & ~stains)
+    both &= darkness.valid
+    observed = max(int(np.count_nonzero(darkness.valid)), 1)
+    shares = (relief.known & darkness.valid, both & ~cells, stains & darkness.valid)
+    return both, ByDepth(*(int(np.count_nonzero(some)) / observed for some in shares))
+
+
+def _behind(darkness: Evidence, relief: ParallaxRelief, parameters: SegmentParameters) -> Mask:
+    """Return what surely lies behind the wall."""
+    least_mm = np.fmax(np.float32(LEAST_DEPTH_MM), np.float32(LEAST_SIGMAS) * relief.error_mm)
+    deep = darkness.valid & relief.known & (relief.relief_mm > least_mm)
+    return clean(deep, darkness.dz_mm, darkness.column_mm, parameters)
+
+
+def _stains(cells: Mask, darkness: Evidence, relief: ParallaxRelief) -> Mask:
+    """Return the regions of ``cells`` that lie in the wall."""
+    labels, n = label(cells)
+    sure = relief.known & (relief.error_mm < SURE_MM)
+    size = np.bincount(labels.ravel(), minlength=n + 1)
+    share = np.bincount(labels[sure], minlength=n + 1) / np.maximum(size, 1)
+    depth_mm = quantiles(np.where(sure, relief.relief_mm, np.float32(np.nan)), labels, n, 0.5)
+    dark = quantiles(darkness.values, labels, n, 0.5)
+    stain = (share >= SURE_SHARE) & (depth_mm < FLAT_MM) & (dark < MOST_DARKNESS)
+    stain[0] = False
+    return looked_up(stain, labels)
 
 
 @dataclass(frozen=True)
 class Believability:
-    """What speaks for cells, as shares.
+    """What speaks for cells or against them, as shares.
 
     Attributes
     ----------
-    noise: samples as far in front of the wall as cells lie behind it, over those; 0 without cells.
+    noise: samples that lie as far in front of the wall as cells lie behind it, over those that do; 0 without cells.
     cells: cells, over what was observed.
-    spread: standard deviation of the wall's own evidence, over that by which cells stand out of it in the median.
+    spread: standard deviation of the wall's own evidence, over how far cells stand out of it in the median.
     unclaimed: samples that stand out as cells do but have no outline, over what was observed; 0 without outlines.
     """
 
@@ -57,8 +117,8 @@ def believability_of(
 ) -> Believability:
     """Return how far cells are to be believed.
 
-    ``smooth``: the evidence that was thresholded, float32 (n_z, n_theta), 0 where it is that of the wall; ``mask`` the
-    cells among the ``valid`` samples; ``dark`` those known by how they stand out, without what lines enclose.
+    ``smooth`` is the evidence that was thresholded, float32 (n_z, n_theta), 0 where it is that of the wall. ``mask``
+    are the cells among the ``valid`` samples; ``dark`` those known by how they stand out, without what lines enclose.
     """
     observed, cells = smooth[valid], mask[valid]
     behind, before = int(np.count_nonzero(observed > threshold)), int(np.count_nonzero(-observed > threshold))
@@ -74,33 +134,32 @@ def believability_of(
 
 
 def spread_of_wall(observed: NDArray[np.float32]) -> float:
-    """Return the standard deviation of evidence where it is that of the wall, by what lies in front of it, below 0."""
+    """Return the standard deviation of the wall's own evidence, by what lies in front of it, below 0."""
     front = observed[observed < 0]
     return robust_sigma(front) if front.size else 0.0
 
 
-def doubts_of_cells(found: Believability) -> Iterator[Doubt]:
+def doubts_of_cells(shares: Believability) -> Iterator[Doubt]:
     """Yield why what was segmented is not to be trusted as cells."""
-    if found.noise > MOST_NOISE:
+    if shares.noise > MOST_NOISE:
         what = (
-            f"What was taken for cells may be noise: {found.noise:.0%} as many samples lie as far in front of the "
+            f"What was taken for cells may be noise: {shares.noise:.0%} as many samples lie as far in front of the "
             "wall, where nothing can be."
         )
-        yield Doubt("cells-in-noise", what, value=found.noise, unit="1", expected=(0.0, MOST_NOISE))
-    yield from doubts_of_share(found.cells)
-    if found.spread > MOST_SPREAD:
+        yield Doubt("cells-in-noise", what, value=shares.noise, unit="1", expected=(0.0, MOST_NOISE))
+    yield from doubts_of_share(shares.cells)
+    if shares.spread > MOST_SPREAD:
         what = (
-            "Cells hardly stand out of the wall: its own standard deviation is "
-            f"{found.spread:.0%} of what cells differ from it by in the median. Some may be missed, some stains of the "
-            "wall."
+            f"Cells hardly stand out of the wall: its own standard deviation is {shares.spread:.0%} of what cells "
+            "differ from it by in the median. Some may be missed, some stains of the wall."
         )
-        yield Doubt("cells-faint", what, value=found.spread, unit="1", expected=(0.0, MOST_SPREAD))
-    if found.unclaimed > MOST_UNCLAIMED:
+        yield Doubt("cells-faint", what, value=shares.spread, unit="1", expected=(0.0, MOST_SPREAD))
+    if shares.unclaimed > MOST_UNCLAIMED:
         what = (
-            f"{found.unclaimed:.1%} of the wall is as dark as cells, but has no clear outline; cells are "
-            f"{found.cells:.1%} of it. Some may be missed."
+            f"{shares.unclaimed:.1%} of the wall is as dark as cells, but has no clear outline; cells are "
+            f"{shares.cells:.1%} of it. Some may be missed."
         )
-        yield Doubt("cells-without-outline", what, value=found.unclaimed, unit="1", expected=(0.0, MOST_UNCLAIMED))
+        yield Doubt("cells-without-outline", what, value=shares.unclaimed, unit="1", expected=(0.0, MOST_UNCLAIMED))
 
 
 def doubts_of_share(cells: float) -> Iterator[Doubt]:
@@ -110,18 +169,18 @@ def doubts_of_share(cells: float) -> Iterator[Doubt]:
         yield Doubt("wall-mostly-cells", what, value=cells, unit="1", expected=(0.0, MOST_CELLS))
 
 
-LEAST_RELIEF_SIGMAS = 4.0
-"""Times the wall's own spread. Li's threshold lies at 7 of these and more in bores with cells, at 0.3 without any."""
-
-
 @dataclass(frozen=True, eq=False)
 class Segmentation:
     """Cells of one side on its own samples.
 
-    ``mask`` is bool (n_z, n_theta), False where nothing was observed; ``threshold`` is in ``unit`` of ``of``, None
-    where the mask was given; ``polarity`` is whether cells are dark or bright, and ``polarity_from`` how that is known,
-    in words, None where depth or a mask says what is a cell; ``by_depth`` how much depth by parallax changed, None
-    where it was not asked; ``doubts`` why these are not to be trusted as cells.
+    Attributes
+    ----------
+    mask: bool (n_z, n_theta), False where nothing was observed.
+    threshold: in ``unit``, of the evidence that ``of`` describes; None where the mask was given.
+    polarity: whether cells are dark or bright; None where depth or a mask says what is a cell.
+    polarity_from: how the polarity is known, in words; None where there is none.
+    by_depth: how much depth by parallax changed; None where it had no say.
+    doubts: why these are not to be trusted as cells.
     """
 
     mask: Mask
@@ -140,11 +199,13 @@ def find_cells(
     polarity_from: str | None = None,
     relief: ParallaxRelief | None = None,
 ) -> Segmentation:
-    """Return the cells that ``evidence`` shows: Li's threshold, then opening, closing, and small ones removed.
+    """Return the cells that ``evidence`` shows: Li's threshold, opened, closed, and without small cells.
 
     Where Li's threshold lies within the wall's own relief there are hardly any cells, and it is raised beyond that.
     ``relief`` by parallax on the same samples, if any, corrects what intensity shows. Evidence that is a mask is taken
-    as it is. Raises :class:`EndoctError` where all evidence is alike.
+    as it is.
+
+    Raises :class:`EndoctError` where all evidence is alike.
     """
     p = parameters
     polarity: Polarity | None = None
@@ -191,7 +252,7 @@ def find_cells(
 
 
 def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
-    """Return the cells of a panorama by the method ``name``, of which nothing says how far to trust them.
+    """Return the cells of a panorama by the method ``name``; nothing says how far they can be trusted.
 
     Raises :class:`EndoctError` where there is no such method, it fails, or answers something else than a mask, bool
     (n_z, n_theta).
@@ -209,15 +270,15 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
 
 
 def _least_threshold(relief_mm: Image, parameters: SegmentParameters) -> float:
-    """Return the least threshold of relief (n,), mm. Li's method always splits, a wall without cells within itself."""
+    """Return the least threshold of relief (n,), mm: Li's method splits even a wall without cells."""
     return min(LEAST_RELIEF_SIGMAS * spread_of_wall(relief_mm), parameters.relief_cap_mm / 2)
 
 
 def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> tuple[float, float]:
-    """Return between what values of ``evidence``, as ``smooth``, the threshold is sought: below is wall, above cell.
+    """Return the values of ``evidence``, smoothed, between which the threshold is sought: below is wall, above is cell.
 
-    In front of the wall are no cells: what lies there shows the wall's own spread. Where nothing stands out of that,
-    the floor of contrast is 0.
+    There are no cells in front of the wall, so what lies there shows the wall's own spread. Where nothing stands out
+    of that spread, the floor of contrast is 0.
     """
     p = parameters
     if evidence.kind == "relief":

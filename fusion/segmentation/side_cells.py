@@ -27,8 +27,8 @@ def segment_sides(
     """Return the cells of both sides, each segmented on its own samples.
 
     ``polarity`` other than "auto" says whether cells are dark or bright where a side is segmented by its intensity.
-    Else the sign of the correlation with what shows it decides: the side's own relief, or the other side, if it has
-    depth or is a mask. Where neither does, A's cells are dark, and B's as the two correlate.
+    Otherwise the sign of a correlation decides. It is that with the side's own relief, or with the other side, if that
+    has depth or is a mask. Where there is neither, A's cells are dark, and B's are as the two correlate.
 
     Raises :class:`EndoctError` where all evidence of a side is alike.
     """
@@ -60,7 +60,7 @@ def segment_side(
     if is_sure(by_eye):
         return by_eye
     cells = by_rules()
-    # of two answers that are doubted, the eye's is the better where floors are bright
+    # where both answers are doubted, the eye's is the better one: floors may be bright
     return by_eye if cells.doubts else replace(cells, of=cells.of + NOT_SURE)
 
 

@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 
 N_BINS = 65_536
 TOGETHER = 128
-"""Samples whose bins are worked out at once, as vectors of the processor: few, so that it counts the last meanwhile."""
+"""So many bins are worked out at once, as vectors of the processor, which meanwhile counts the last ones."""
 LEAST_RANGE = 1e-300
 MOST_ROUNDS = 1000
 
@@ -21,8 +21,8 @@ MOST_ROUNDS = 1000
 def li_threshold(values: NDArray[np.generic]) -> float:
     """Return the threshold of ``values`` (any shape, any real dtype, valid samples only) that Li's iteration finds.
 
-    Foreground is what lies above it. The histogram has 65 536 bins between the extremes, or one a count where
-    integers span less; each bin also knows the mean of its samples. The iteration is that of
+    Foreground is what lies above it. The histogram has 65 536 bins between the extremes, or one for each integer where
+    these span less. Each bin also knows the mean of its samples. The iteration is that of
     ``skimage.filters.threshold_li``, started from the mean, and agrees with it to within a bin.
 
     Raises :class:`EndoctError` where there are no finite samples or all are equal.
@@ -85,15 +85,15 @@ def _binned(flat: NDArray[Any], least: float, bins_per_unit: float) -> Coordinat
 
 
 @compiled
-def _running(one: Coordinates, other: Coordinates) -> tuple[Coordinates, Coordinates, Coordinates]:
+def _running(first: Coordinates, second: Coordinates) -> tuple[Coordinates, Coordinates, Coordinates]:
     """Return (centre, count, total) of the bins that have samples: their mean, and sums of them and all bins below.
 
-    ``one`` and ``other``: histograms of two halves, as from :func:`_binned`.
+    ``first`` and ``second``: histograms of two halves, as from :func:`_binned`.
     """
     centre, count, total = np.empty(N_BINS + 1), np.empty(N_BINS + 1), np.empty(N_BINS + 1)
     n_filled, count_so_far, total_so_far = 0, 0.0, 0.0
     for k in range(N_BINS + 1):
-        here, above = one[k, 0] + other[k, 0], one[k, 1] + other[k, 1]
+        here, above = first[k, 0] + second[k, 0], first[k, 1] + second[k, 1]
         count_so_far += here
         total_so_far += above
         centre[n_filled], count[n_filled], total[n_filled] = above / here, count_so_far, total_so_far

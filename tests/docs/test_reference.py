@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from endoct.fusion.files.cell_table import PROPERTIES
+from endoct.fusion.files.store import PROPERTIES
 from endoct.modalities.registry import manifests
 
 ROOT = Path(__file__).parents[2]

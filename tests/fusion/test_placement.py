@@ -14,10 +14,12 @@ from endoct.fusion.geometry.placement import (
     Placement,
     Sampling,
     check_same_bore,
+    column_weights,
     common_grid,
+    resample,
+    row_weights,
     signed_distance,
 )
-from endoct.fusion.geometry.resample import column_weights, resample, row_weights
 from endoct.stitching.grid import SurfaceGrid
 
 

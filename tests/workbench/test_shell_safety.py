@@ -20,7 +20,7 @@ from rich.console import Console
 
 from endoct.base.errors import visible
 from endoct.base.files.files import digests, path_text, spreadsheet_text
-from endoct.fusion.files.cell_table import PROPERTIES, write_cells
+from endoct.fusion.files.store import PROPERTIES, write_cells
 from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama

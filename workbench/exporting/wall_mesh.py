@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.fusion.geometry.resample import column_weights, resample
+from endoct.fusion.geometry.placement import column_weights, resample
 from endoct.workbench.exporting.formats import VERTEX_MM, Options
 from endoct.workbench.exporting.image_layers import Layer, blocks, contrast_of
 from endoct.workbench.exporting.source import Source

@@ -11,8 +11,7 @@ import numpy as np
 from endoct.base.arrays import Mask
 from endoct.base.errors import refusing
 from endoct.base.zarr.zarr_store import read_arrays
-from endoct.fusion.files.drawn_store import MAJORITY, read_drawn
-from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
+from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
 from endoct.fusion.scoring.cells import OBSERVED, Cell
 from endoct.fusion.segmentation.regions import label_in_order
 from endoct.workbench.page.description import CellPart, CellState

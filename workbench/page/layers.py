@@ -20,13 +20,12 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.window import ChunkCache, stored_image
-from endoct.fusion.difference import COLOURS
-from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
-from endoct.fusion.files.drawn_store import NAME as DRAWN_STORE
-from endoct.fusion.files.drawn_store import read_drawn
+from endoct.fusion.evidence import MASK_MODALITY
+from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
+from endoct.fusion.sides import COLOURS
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import ClassPart, LayerPart

@@ -30,8 +30,7 @@ from endoct.fusion.files.session import (
     session_from,
 )
 from endoct.fusion.files.store import ComparisonOutline
-from endoct.fusion.geometry.alignment import Alignment, NotAligned
-from endoct.fusion.geometry.landmarks import LandmarkPair, Place, residuals_mm
+from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, NotAligned, Place, residuals_mm
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
 from endoct.fusion.registration.by_hand import Bore, distance, distances, judge

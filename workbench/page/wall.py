@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.resample import FARTHEST_ROW
+from endoct.fusion.geometry.placement import FARTHEST_ROW
 from endoct.stitching.grid import SurfaceGrid
 
 TILE_PX = 256

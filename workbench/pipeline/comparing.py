@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
-from endoct.fusion.evidence.drawn_mask import DrawnMask
+from endoct.fusion.evidence.side import DrawnMask
 from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
 from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.files.cell_table import write_cells
-from endoct.fusion.files.store import save_comparison
+from endoct.fusion.files.store import save_comparison, write_cells
 from endoct.fusion.sides import Comparison, Placed
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama

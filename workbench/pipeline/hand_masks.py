@@ -10,12 +10,11 @@ import tomli_w
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.files.drawn_store import MAJORITY, NAME, save_drawings
-from endoct.fusion.files.masks import on_comparison, score_surface
+from endoct.fusion.evidence.side import DrawnMask
+from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, on_comparison, save_drawings, score_surface
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
+from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
-from endoct.fusion.scoring.surface import Surface
 from endoct.fusion.sides import Comparison
 from endoct.stitching.grid import SurfaceGrid
 
@@ -80,7 +79,7 @@ def write_drawings(against: Against, grid: SurfaceGrid, folder: Path) -> None:
         covered = np.logical_and.reduce([drawing.valid for drawing in drawings])
         drawings = (*drawings, Drawing(MAJORITY, "1", against.consensus, covered))
     if drawings:
-        save_drawings(drawings, grid, folder / NAME)
+        save_drawings(drawings, grid, folder / DRAWN_STORE)
 
 
 def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:

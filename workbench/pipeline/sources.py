@@ -15,8 +15,7 @@ import numpy as np
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, is_label_store
 from endoct.fusion.files.masks import read_mask, stored_mask
 from endoct.fusion.geometry.placement import check_same_bore

@@ -13,8 +13,7 @@ from endoct.base.files.files import path_text, spreadsheet_text
 from endoct.fusion.files.result_file import EXPECTED, read_result
 from endoct.fusion.result import PairScores, Result
 from endoct.fusion.scoring.budget import PARTS
-from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of
-from endoct.fusion.scoring.repeatability import repeatability
+from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of, repeatability
 from endoct.workbench.pipeline.inputs import json_text
 
 Row = dict[str, str | float | None]

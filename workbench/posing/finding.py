@@ -6,7 +6,7 @@ from pathlib import Path
 
 from endoct.base.files.files import check_unchanged, digests, state_of
 from endoct.fusion.pose.air import AirAround, air_around
-from endoct.fusion.pose.finding import Found, PoseAnswer, answer, find_alone
+from endoct.fusion.pose.finding import PoseAnswer, SidePose, answer, find_alone
 from endoct.fusion.pose.observation import observe
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import label_doubts, structures_near
@@ -88,7 +88,7 @@ def find(air: AirAround, plan: Trajectory, sides: Spread[SideInAir], device: str
 
 
 @one_thread()
-def find_side(given: SideInAir, device: str) -> Found:
+def find_side(given: SideInAir, device: str) -> SidePose:
     """Return where a side alone lies in the air around the plan."""
     cells = None if given.side.relief is not None else given.cells.mask
     return find_alone(given.air.to(device), observe(given.side, cells))

@@ -5,9 +5,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from markupsafe import Markup
 
 from endoct.base.files.contents import marked
-from endoct.fusion.pose.clinical import Difference, Estimate, Offset, offset_at
-from endoct.fusion.pose.handedness import OPEN
+from endoct.fusion.pose.pose import Difference, Estimate, Offset, offset_at
 from endoct.fusion.pose.summary import PoseSummary
+from endoct.fusion.pose.support import OPEN
 from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.pipeline.information import texts_of
 from endoct.workbench.pipeline.volumes import VolumeFacts

@@ -10,7 +10,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.files.cell_table import write_cells
+from endoct.fusion.files.store import write_cells
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose

@@ -8,9 +8,8 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
-from endoct.fusion.pose.clinical import Estimate
 from endoct.fusion.pose.finding import PoseAnswer
-from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.pose import BorePose, Estimate
 from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RIMS, SCALE, TURN
 from endoct.modalities.ct.ct_volume import in_world

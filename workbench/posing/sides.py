@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.drawn_mask import DrawnMask
-from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.pipeline.sources import Opened, Ready, Source, open_both, open_source, unroll_sources
 from endoct.workbench.pipeline.unrolling import Recording, Unrolled, unroll_recording

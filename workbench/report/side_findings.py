@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.fusion.evidence.drawn_mask import MASK_MODALITY
+from endoct.fusion.evidence import MASK_MODALITY
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama

@@ -11,7 +11,7 @@ import torch
 from endoct.base.compute.parallel import Advance
 from endoct.fusion.evidence.evidence import on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.learned.inputs import inputs_of
+from endoct.fusion.segmentation.learned.looking import inputs_of
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw

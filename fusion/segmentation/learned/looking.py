@@ -1,38 +1,107 @@
-"""How probably each sample of a side is a cell, as the learned eye of its modality sees it."""
+"""How probably each sample of a side is a cell, as the learned eye of its modality sees it.
+
+The eye looks at the evidence of the side on even samples. What it says is brought back to the side's own.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from endoct.base.arrays import Image
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.parallax import ParallaxRelief
-from endoct.fusion.segmentation.learned.inputs import LOOKS_MM, Inputs, inputs_of, on_own_samples
+from endoct.base.numeric.ranks import robust_sigma
+from endoct.fusion.evidence.evidence import Evidence, on_grid
+from endoct.fusion.evidence.relief import ParallaxRelief
+from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE
 
 if TYPE_CHECKING:
     from endoct.fusion.segmentation.learned.network import Eye
 
+TRAINED_MM = 0.016
+"""Distance of two samples in training."""
+LOOKS_MM = (0.012, 0.01)
+"""Distances of two samples in use, where the eye looks twice: it sees cells larger then, and so the small ones too."""
+FINEST_COLUMNS = 8
+"""The number of columns is a multiple of this, since the network halves them three times."""
+DARKEST, BRIGHTEST = 1.5, -0.75
+DEEPEST_MM, NEAREST_MM = 0.6, -0.2
+ERROR_MM = 0.1
+"""A standard error of depth of this size halves the trust in it."""
+CHANNELS = 4
+MOST_OF_WALL = 0.1
+"""A sample that is darker may be a cell."""
 PIECE_ROWS, OVERLAP_ROWS = 512, 128
 """A long bore is looked at in pieces, which fade into each other where they overlap."""
 COARSEST_MM = 0.06
-"""With samples farther apart than this an eye that was trained on finer ones is not asked."""
+"""An eye that was trained on finer samples is not asked where samples lie farther apart than this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """What the eye looks at, on evenly spaced rows at ``z_mm`` and columns from θ = 0.
+
+    ``channels``, float32 (``CHANNELS``, n_z, n_theta): darkness, relief over ``DEEPEST_MM``, trust in that, valid.
+    """
+
+    channels: NDArray[np.float32]
+    z_mm: Coordinates
+
+
+def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = TRAINED_MM) -> Inputs:
+    """Return the inputs of the network for a side, from its ``darkness`` and ``relief`` on the same samples."""
+    n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / step_mm / FINEST_COLUMNS))
+    z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + step_mm / 2, step_mm)
+    even = on_grid(darkness, z_mm, n_theta)
+    channels = np.zeros((CHANNELS, *even.values.shape), np.float32)
+    channels[0] = np.where(even.valid, np.clip(even.values, BRIGHTEST, DARKEST), 0)
+    channels[3] = even.valid
+    if relief is not None:
+        known = relief.known & darkness.valid
+
+        def placed(image: Image) -> Evidence:
+            values = np.where(known, image, np.float32(0))
+            return on_grid(replace(darkness, values=values, valid=known), z_mm, n_theta)
+
+        behind, error = placed(relief.relief_mm), placed(relief.error_mm)
+        channels[1] = np.where(behind.valid, np.clip(behind.values, NEAREST_MM, DEEPEST_MM) / DEEPEST_MM, 0)
+        channels[2] = np.where(behind.valid, ERROR_MM / (ERROR_MM + error.values), 0)
+    return Inputs(channels, z_mm)
+
+
+def grain(inputs: Inputs) -> float:
+    """Return how much the darkness of neighbouring samples on the wall differs, as a robust standard deviation."""
+    darkness, valid = inputs.channels[0], inputs.channels[3] > 0
+    wall = valid & (darkness < MOST_OF_WALL)
+    both = wall[:, 1:] & wall[:, :-1]
+    return robust_sigma(np.diff(darkness, axis=1)[both]) if both.any() else 0.0
+
+
+def on_own_samples(probable: Image, inputs: Inputs, darkness: Evidence) -> Image:
+    """Return ``probable``, float32 (n_z, n_theta) at the samples of ``inputs``, at those of ``darkness``."""
+    n_theta, n_own = probable.shape[1], darkness.values.shape[1]
+    theta_rad = darkness.theta0_rad + 2 * np.pi / n_own * np.arange(n_own)
+    step_mm = float(inputs.z_mm[1] - inputs.z_mm[0]) if inputs.z_mm.size > 1 else darkness.dz_mm
+    rows = row_weights(inputs.z_mm, step_mm, darkness.z_mm, 0.0)
+    columns = column_weights(n_theta, theta_rad * n_theta / (2 * np.pi), 0.0)
+    whole: Mask = np.ones(probable.shape, np.bool_)
+    return resample(probable, whole, rows, columns)[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Probability:
     """How probably each sample is a cell, float32 (n_z, n_theta).
 
-    ``of_cell``: by all looks. ``first``: by the first of them, and ``without_depth`` by that at brightness alone; the
-    same array where there is no depth.
+    ``of_cell`` is by all looks, ``first`` by the first of them. ``without_depth`` is by the first look at brightness
+    alone; it is the same array as ``first`` where there is no depth.
     """
 
     of_cell: Image
@@ -56,7 +125,7 @@ def weights_for(modality: str, eye: str) -> Path | None:
 
 
 def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
-    """Return what the eye with ``weights`` says of a side, of its ``darkness`` and ``relief`` on the same samples.
+    """Return what the eye with ``weights`` says of a side, from its ``darkness`` and ``relief`` on the same samples.
 
     Each look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are
     damaged.
@@ -66,8 +135,8 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Pr
 
     given = views if relief is None else [*views, _bare(views[0])]
 
-    def look_at(one: Inputs) -> Image:
-        return on_own_samples(_probability(eye, one), one, darkness)
+    def look_at(view: Inputs) -> Image:
+        return on_own_samples(_probability(eye, view), view, darkness)
 
     with _one_thread():
         looks = list(thread_map(look_at, given))

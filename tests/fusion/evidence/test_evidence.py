@@ -8,10 +8,9 @@ from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endoct.fusion.evidence.evidence import on_grid
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import on_grid, prepare
 from endoct.fusion.evidence.relief import relief
-from endoct.fusion.geometry.resample import column_weights, resample, row_weights
+from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 
 THETA = 2 * np.pi / 512 * np.arange(512)
 

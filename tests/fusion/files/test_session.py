@@ -21,7 +21,7 @@ from endoct.fusion.files.session import (
     read_session,
     session_from,
 )
-from endoct.fusion.geometry.landmarks import LandmarkPair, Place
+from endoct.fusion.geometry.alignment import LandmarkPair, Place
 from endoct.stitching.store import load_panorama, save_panorama
 
 A, B = Identity("endoscope", "a" * 64, "b" * 64), Identity("oct", "c" * 64, "d" * 64)

@@ -12,8 +12,7 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.base.zarr.zarr_store import Named, write_arrays
-from endoct.fusion.files.cell_table import PROPERTIES, as_numbers, from_numbers
-from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.files.store import PROPERTIES, as_numbers, from_numbers, load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell

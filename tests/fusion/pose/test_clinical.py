@@ -7,12 +7,11 @@ import pytest
 import torch
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.pose.clinical import angle_of, difference, length_of, offset_at, sampled_axes
 from endoct.fusion.pose.fit import Fit
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.paired import equivalence, limits_of_agreement
-from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.structures import Structure, clearance, depth_beside, structures_near
+from endoct.fusion.pose.pose import BorePose, angle_of, difference, length_of, offset_at, sampled_axes
+from endoct.fusion.pose.structures import Structure, clearance, depth_of_passing, structures_near
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense, directions
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.stored import Segment
@@ -110,7 +109,7 @@ def test_the_margin_grows_less_with_uncertainty_of_axis_and_labels() -> None:
     deviation = float(np.sqrt(pose.axis_covariance(20.0)[0, 0]))
     assert wide.margin_mm == pytest.approx(3.0 - RADIUS_MM - 1.96 * deviation, abs=0.02)
     assert coarse.margin_mm == pytest.approx(3.0 - RADIUS_MM - 0.19, abs=0.01)
-    assert depth_beside(pose, a_structure(line, pose)) == pytest.approx(20.0)
+    assert depth_of_passing(pose, a_structure(line, pose)) == pytest.approx(20.0)
     assert wide == clearance(pose, a_structure(line, pose), RADIUS_MM, generator(0))
 
 

@@ -8,11 +8,19 @@ import torch
 
 from endoct.fusion.pose import finding
 from endoct.fusion.pose.air import STEP_MM, AirAround
-from endoct.fusion.pose.finding import Found, answer, find_alone, shuffled_patterns, turned_patterns
+from endoct.fusion.pose.finding import SidePose, answer, find_alone
 from endoct.fusion.pose.fit import ALIKE, _together
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
-from endoct.fusion.pose.search import COLUMNS, ROWS_MM, Pattern, correlations, pattern_of
+from endoct.fusion.pose.search import (
+    COLUMNS,
+    ROWS_MM,
+    Pattern,
+    correlations,
+    pattern_of,
+    shuffled_patterns,
+    turned_patterns,
+)
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN, Sense, wall_places
 from endoct.modalities.ct.trajectory import Trajectory
 
@@ -88,11 +96,11 @@ def test_controls_keep_the_air_and_not_the_places() -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> Found:
+def found() -> SidePose:
     return find_alone(a_bone(1), a_side(a_bone(1)))
 
 
-def test_a_bore_is_found_in_its_own_bone(found: Found) -> None:
+def test_a_bore_is_found_in_its_own_bone(found: SidePose) -> None:
     assert found.reason is None
     pose = BorePose(PLAN, found.fit)
     axis = pose.axis_lps(np.array([0.0, LENGTH_MM]))
@@ -106,7 +114,7 @@ def test_a_bore_is_found_in_its_own_bone(found: Found) -> None:
 @pytest.mark.parametrize(
     ("parameter", "value", "told"), [(0, 1.9, True), (1, 2.6, False), (2, 0.06, True), (3, 0.09, False)]
 )
-def test_an_axis_far_off_the_plan_is_not_told(found: Found, parameter: int, value: float, told: bool) -> None:
+def test_an_axis_far_off_the_plan_is_not_told(found: SidePose, parameter: int, value: float, told: bool) -> None:
     moved = found.fit.parameters.copy()
     moved[:4] = 0
     moved[parameter] = value
@@ -117,7 +125,7 @@ def test_an_axis_far_off_the_plan_is_not_told(found: Found, parameter: int, valu
 
 @pytest.mark.parametrize(("aside_mm", "told"), [(0.03, True), (0.7, False)])
 def test_two_sides_that_stand_out_and_contradict_each_other_tell_nothing(
-    found: Found, aside_mm: float, told: bool
+    found: SidePose, aside_mm: float, told: bool
 ) -> None:
     moved = found.fit.parameters.copy()
     moved[0] += aside_mm
@@ -130,7 +138,7 @@ def test_two_sides_that_stand_out_and_contradict_each_other_tell_nothing(
     assert answer(a_bone(1), PLAN, [found, replace(aside, standing=0.5)]).reason is None
 
 
-def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
+def test_a_side_that_cannot_tell_alone_is_doubted(found: SidePose) -> None:
     air = a_bone(1)
     assert answer(air, PLAN, [found, found]).doubts == ()
     told = answer(air, PLAN, [found, replace(found, standing=0.5)])
@@ -139,7 +147,7 @@ def test_a_side_that_cannot_tell_alone_is_doubted(found: Found) -> None:
     assert answer(air, PLAN, [replace(found, standing=0.5)]).doubts == ()
 
 
-def test_a_side_that_cannot_tell_alone_does_not_move_the_axis(found: Found) -> None:
+def test_a_side_that_cannot_tell_alone_does_not_move_the_axis(found: SidePose) -> None:
     """It shows another bone, and agrees somewhere by chance."""
     air = a_bone(1)
     other = find_alone(air, a_side(a_bone(2)))
@@ -169,7 +177,7 @@ def mirrored(air: AirAround) -> AirAround:
     return replace(air, values=turned)
 
 
-def test_a_mirrored_ct_is_settled_by_the_side_whose_sense_is_known(found: Found) -> None:
+def test_a_mirrored_ct_is_settled_by_the_side_whose_sense_is_known(found: SidePose) -> None:
     other, side = mirrored(a_bone(1)), a_side(a_bone(1))
     free = find_alone(other, replace(side, name="ranger", handed=False))
     assert free.reason is None  # in a mirror image it fits as well
@@ -184,13 +192,13 @@ def test_a_mirrored_ct_is_settled_by_the_side_whose_sense_is_known(found: Found)
     assert answer(a_bone(1), PLAN, [found]).doubts == ()
 
 
-def test_a_side_of_another_bore_lets_nothing_be_told(found: Found) -> None:
+def test_a_side_of_another_bore_lets_nothing_be_told(found: SidePose) -> None:
     air = a_bone(1)
     stranger = find_alone(air, a_side(a_bone(2)))
     assert "of another bore" in (answer(air, PLAN, [found, stranger]).reason or "")
 
 
-def test_a_stranger_that_agrees_by_chance_does_not_stand_out(found: Found, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stranger_that_agrees_by_chance_does_not_stand_out(found: SidePose, monkeypatch: pytest.MonkeyPatch) -> None:
     air = a_bone(1)
     monkeypatch.setattr(finding, "LEAST_BY_CELLS", -1.0)  # no correlation is too small
     strangers = [find_alone(air, a_side(a_bone(seed))) for seed in (2, 3)]

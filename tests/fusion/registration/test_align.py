@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM, COORDINATE_ATOL
 
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
 from endoct.fusion.registration.align import Alignment, NotAligned, align, open_orientations
 from endoct.stitching.panorama import Panorama

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, as_covariance
-from endoct.fusion.geometry.landmarks import LandmarkPair, Place, residuals_mm
+from endoct.fusion.geometry.alignment import (
+    ALL_ORIENTATIONS,
+    Alignment,
+    LandmarkPair,
+    NotAligned,
+    Place,
+    as_covariance,
+    residuals_mm,
+)
 from endoct.fusion.registration.by_hand import Bore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
 
 RADIUS_MM = 1.25

@@ -10,8 +10,7 @@ from bore_pairs import Pair
 from tolerances import ROLLED_RAD, ROLLED_Z_MM
 
 from endoct.base.numeric.circle import gaussian, wrap_rad
-from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, as_covariance
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align
 from endoct.fusion.registration.refinement import refine

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from tolerances import REFINED_MM, REFINED_RAD
 
-from endoct.fusion.evidence.evidence import clipped
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.registration import equations
 from endoct.fusion.registration.refinement import refine

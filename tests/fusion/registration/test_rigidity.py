@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bore_pairs import Pair, make_pair, panorama
 
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import prepare
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.rigidity import NEAR, Part, parts_out_of_place
 from endoct.stitching.panorama import Panorama

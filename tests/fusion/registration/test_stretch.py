@@ -8,8 +8,7 @@ from bore_pairs import make_pair
 from tolerances import ALIGNMENT_Z_MM
 
 from endoct.fusion.comparison import compare_panoramas
-from endoct.fusion.evidence.evidence import clipped
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
 from endoct.fusion.registration.align import fit_stretched, stretched
 from endoct.stitching.grid import SurfaceGrid

@@ -11,7 +11,7 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling
 from endoct.fusion.result import Budget, NotVisible
 from endoct.fusion.scoring.budget import PARTS, agreement_budget
 from endoct.fusion.scoring.cells import invisible_cells, measure
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.grid import SurfaceGrid
 

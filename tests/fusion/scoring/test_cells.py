@@ -12,9 +12,9 @@ from skimage.measure import label, regionprops
 from tolerances import CELL_AREA_REL, CELL_PLACE_MM
 
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.files.cell_table import as_numbers, from_numbers, write_cells
+from endoct.fusion.files.store import as_numbers, from_numbers, write_cells
 from endoct.fusion.scoring.cells import Cell, measure
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(150, 512, z0_mm=1.0, dz_mm=0.02, radius_mm=1.25)

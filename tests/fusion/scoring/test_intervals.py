@@ -5,9 +5,7 @@ import pytest
 from scipy.stats import bootstrap
 from tolerances import COVERAGE
 
-from endoct.fusion.scoring.intervals import interval_of, ratio_interval
-from endoct.fusion.scoring.overlap import bland_altman
-from endoct.fusion.scoring.repeatability import repeatability
+from endoct.fusion.scoring.intervals import bland_altman, interval_of, ratio_interval, repeatability
 
 
 def test_an_interval_of_a_ratio_covers_the_truth_about_as_often_as_it_says() -> None:

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from tolerances import RELIEF_BIAS_MM
 
-from endoct.fusion.scoring.reliefs import RIM_MM, compare_reliefs
-from endoct.fusion.scoring.surface import Surface
+from endoct.fusion.scoring.overlap import Surface
+from endoct.fusion.scoring.scores import RIM_MM, compare_reliefs
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(150, 400, z0_mm=0.0, dz_mm=0.02, radius_mm=1.25)

@@ -12,8 +12,8 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling
 from endoct.fusion.result import PairScores
 from endoct.fusion.scoring.cells import measure
+from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.scoring.scores import pair_scores, score_sides
-from endoct.fusion.scoring.surface import Surface
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(300, 256, z0_mm=0.0, dz_mm=0.03, radius_mm=1.25)

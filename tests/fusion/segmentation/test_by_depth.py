@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.parallax import ParallaxRelief, parallax_relief
-from endoct.fusion.segmentation.by_depth import judged_by_depth
+from endoct.fusion.evidence.relief import ParallaxRelief, parallax_relief
 from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import judged_by_depth
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 

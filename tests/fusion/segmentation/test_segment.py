@@ -13,8 +13,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_erosion, grey_dilation
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import (
     eroded,

@@ -16,7 +16,7 @@ from PIL import Image
 from workbench_page import serving, written
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.files.drawn_store import NAME, read_drawn, save_drawings
+from endoct.fusion.files.masks import DRAWN_STORE, read_drawn, save_drawings
 from endoct.fusion.scoring.raters import Drawing
 from endoct.workbench import compare
 from endoct.workbench.page.layers import DRAWN_COLOURS
@@ -33,7 +33,7 @@ def folder(tmp_path: Path) -> Path:
     theta_deg, z_mm = np.meshgrid(np.degrees(GRID.theta_rad), GRID.z_mm)
     square = (np.abs(theta_deg - 150) < 50) & (np.abs(z_mm - 1.5) < 0.5)
     drawings = [Drawing("anna", "1", square, EVERYWHERE), Drawing(HTML, "may", ~EVERYWHERE, EVERYWHERE)]
-    save_drawings(drawings, GRID, made / NAME)
+    save_drawings(drawings, GRID, made / DRAWN_STORE)
     return made
 
 
@@ -71,7 +71,7 @@ def test_a_drawn_mask_is_switched_on_and_read_out(chromium: Any, folder: Path):
 
 def test_one_drawn_mask_is_outlined_from_the_outset(chromium: Any, tmp_path: Path):
     made = written(tmp_path / "once")
-    save_drawings([Drawing("anna", "1", EVERYWHERE, EVERYWHERE)], GRID, made / NAME)
+    save_drawings([Drawing("anna", "1", EVERYWHERE, EVERYWHERE)], GRID, made / DRAWN_STORE)
     with serving(made) as served, opened(chromium, served.url) as page:
         switch = page.page.locator(".toolbar button", has_text="drawn: anna")
         assert switch.get_attribute("aria-pressed") == "true"
@@ -93,7 +93,7 @@ def test_compare_leaves_what_was_drawn_to_be_looked_at(tmp_path: Path):
 
 @pytest.mark.parametrize("part", ["zarr.json", "mask/zarr.json", "valid", "rater"])
 def test_a_damaged_store_is_one_line(folder: Path, part: str):
-    path = folder / NAME / part
+    path = folder / DRAWN_STORE / part
     shutil.rmtree(path) if path.is_dir() else path.write_text("{}")
     with pytest.raises(EndoctError) as refused:
         open_shown(folder)

@@ -15,9 +15,8 @@ from PIL import Image
 from workbench_page import Served, serving, written
 
 from endoct.base.doubt import Doubt
-from endoct.fusion.files.cell_table import PROPERTIES, write_cells
-from endoct.fusion.files.drawn_store import NAME, save_drawings
-from endoct.fusion.files.store import read_outline
+from endoct.fusion.files.masks import DRAWN_STORE, save_drawings
+from endoct.fusion.files.store import PROPERTIES, read_outline, write_cells
 from endoct.fusion.scoring.raters import Drawing
 from endoct.workbench.report.figures.drawing import DEPTH_COLOURS, HATCH, NOT_OBSERVED
 from endoct.workbench.report.figures.frames import STYLES
@@ -43,7 +42,7 @@ def with_truth(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = written(tmp_path_factory.mktemp("judged") / "with-truth")
     theta, z_mm = np.meshgrid(GRID.theta_rad, GRID.z_mm)
     cell = np.hypot(1.25 * (theta - 2.0), z_mm - 1.5) < 0.5
-    save_drawings([Drawing("truth", "1", cell, np.ones(GRID.shape, np.bool_))], GRID, folder / NAME)
+    save_drawings([Drawing("truth", "1", cell, np.ones(GRID.shape, np.bool_))], GRID, folder / DRAWN_STORE)
     return folder
 
 

@@ -11,7 +11,7 @@ from bore_pairs import make_pair
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.files.session import Session, identity_of
-from endoct.fusion.geometry.landmarks import LandmarkPair, Place
+from endoct.fusion.geometry.alignment import LandmarkPair, Place
 from endoct.stitching.store import save_panorama
 from endoct.workbench import cli, compare
 from endoct.workbench.page.opening import open_shown

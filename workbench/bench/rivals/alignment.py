@@ -15,8 +15,7 @@ import numpy as np
 from skimage.registration import phase_cross_correlation
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, reoriented
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, prepare, reoriented
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between

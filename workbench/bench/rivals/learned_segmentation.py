@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian, masked_gaussian
-from endoct.fusion.evidence.evidence import clipped
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters

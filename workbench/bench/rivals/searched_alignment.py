@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 
 from endoct.base.arrays import Coordinates
-from endoct.fusion.evidence.evidence import clipped
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.alignment import Flat, flat_of, one_itk_thread

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.base.files.json_values import number
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.prepare import prepare
+from endoct.fusion.evidence.evidence import prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
 from endoct.fusion.registration.align import align, open_orientations
 from endoct.stitching.grid import SurfaceGrid

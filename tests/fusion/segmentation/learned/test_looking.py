@@ -10,10 +10,9 @@ import torch
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
-from endoct.fusion.evidence.parallax import ParallaxRelief
+from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
-from endoct.fusion.segmentation.learned.inputs import TRAINED_MM, inputs_of, on_own_samples
-from endoct.fusion.segmentation.learned.looking import look, weights_for
+from endoct.fusion.segmentation.learned.looking import TRAINED_MM, inputs_of, look, on_own_samples, weights_for
 from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
 
 N_Z, N_THETA, STEP_MM = 130, 400, 0.02

@@ -13,7 +13,7 @@ from tolerances import COORDINATE_ATOL, PARALLAX_FLOOR_MM, PARALLAX_WALL_MM
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import gaussian
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.fusion.evidence.parallax import parallax_relief
+from endoct.fusion.evidence.relief import parallax_relief
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.parallax.depth import (
