@@ -16,8 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import inside, read_small, text_of
-from endoct.modalities.reading.folders import exists, is_folder
+from endoct.base.files.files import exists, inside, is_folder, read_small, text_of
 from endoct.stitching.panorama import AxialScale
 
 LARGEST_WHOLE = 2**64

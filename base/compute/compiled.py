@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core.caching import FunctionCache
 
-from endoct.base.compute.compiling import count_compiled
+from endoct.base.compute.own_process import count_compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

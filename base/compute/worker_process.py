@@ -27,8 +27,7 @@ from importlib import import_module
 from threading import Lock
 from typing import IO, Any, TypeVar
 
-from endoct.base.cleanup import undone_in_the_end
-from endoct.base.compute.own_process import settle_in
+from endoct.base.compute.own_process import settle_in, undone_in_the_end
 from endoct.base.errors import EndoctError
 
 OUT_OF_MEMORY = 12

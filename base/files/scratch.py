@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, Any
 
-from endoct.base.cleanup import exchanging, undone_in_the_end
+from endoct.base.compute.own_process import exchanging, undone_in_the_end
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, read_contents, remove_listed, sync
 from endoct.base.files.files import read_start

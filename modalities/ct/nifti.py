@@ -1,4 +1,7 @@
-"""NIfTI: header by nibabel; units, qform and sform taken for what they say."""
+"""NIfTI: volumes read, with units, qform and sform taken for what they say, and the header of one to be written.
+
+Headers are read and made by nibabel.
+"""
 
 import gzip
 import math
@@ -13,8 +16,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.raw_voxels import read_voxels
-from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume
+from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume, read_voxels
 
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
@@ -200,3 +202,33 @@ def _scaled(header: Any, stored: NDArray[Any]) -> NDArray[Any]:
         small = limits.min <= int(values.min()) and int(values.max()) <= limits.max
         return values.astype(np.int16) if small else values
     return (stored * np.float64(slope) + np.float64(inter)).astype(np.float32)
+
+
+DATA_AT = 352
+"""The voxels begin at this byte, i fastest."""
+
+
+def nifti_header(
+    shape: tuple[int, int, int], dtype: np.dtype[np.generic], to_ras: Coordinates, name: str, text: str = ""
+) -> bytes:
+    """Return the header of a volume of ``shape`` (i, j, k), whose index ``to_ras`` (4, 4) takes to RAS in mm.
+
+    Its axes lie at right angles. ``name``: of the coordinates, 15 letters at most; ``text``: a description, 79. Raises
+    :class:`EndoctError` for numbers that NIfTI does not hold.
+    """
+    from nibabel.nifti1 import Nifti1Header  # takes a while to load
+    from nibabel.spatialimages import HeaderDataError
+
+    header: Any = Nifti1Header(endianness="<")  # type: ignore[no-untyped-call]
+    try:
+        header.set_data_dtype(dtype)
+    except HeaderDataError as error:
+        raise EndoctError(f"NIfTI holds no {np.dtype(dtype)}", remedy="export NRRD") from error
+    header.set_data_shape(shape)
+    header.set_sform(to_ras, "scanner")
+    header.set_qform(to_ras, "scanner")
+    header.set_xyzt_units("mm")
+    header["pixdim"][4:] = 0
+    header["vox_offset"], header["magic"] = DATA_AT, b"n+1"
+    header["intent_name"], header["descrip"] = name.encode("ascii"), text.encode("ascii")
+    return bytes(header.binaryblock).ljust(DATA_AT, b"\0")

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.raw_voxels import named_file, read_voxels
-from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one
+from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one, named_file, read_voxels
 
 MAGIC = re.compile(rb"NRRD000\d\r?\n")
 MOST_HEADER = 1_000_000

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, NotSeen
+from endoct.base.files.files import exists
 from endoct.modalities.contract import Preview, Sniff
 from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
 from endoct.modalities.endoscope.opening import LEAST_SIDE_PX
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.recording import (
     IMAGE_SUFFIXES,
     ImageStack,

@@ -15,7 +15,6 @@ import numpy as np
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.reading.equal_files import sets_of_equal
 from endoct.modalities.reading.frame_names import (
     LONGEST_NUMBER,
     Name,
@@ -28,6 +27,7 @@ from endoct.modalities.reading.frame_names import (
 )
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, some_names
+from endoct.modalities.reading.repeated_frames import sets_of_equal
 
 COMPARED, COMPARED_BYTES = 16, 400_000_000
 """Of a folder that has images twice, pixels are compared: of all, or of so many pairs where files are larger in all."""

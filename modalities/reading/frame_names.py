@@ -12,7 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from endoct.modalities.reading.spacing import Spacing, spacing_of
+from endoct.modalities.reading.numbering import Spacing, spacing_of
 
 Unit = Literal["", "mm", "s"]
 Number = int | Fraction

@@ -18,11 +18,10 @@ import zarr
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import check_array_size, inside
+from endoct.base.files.files import check_array_size, exists, inside
 from endoct.base.files.json_values import read_object
 from endoct.base.zarr.zarr_metadata import LABELS, Allowed, Declared, declared
 from endoct.base.zarr.zarr_store import DAMAGED, check_chunk
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
 

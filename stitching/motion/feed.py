@@ -15,12 +15,11 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.spool import Kept
+from endoct.base.compute.memory import Kept
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import turned_harmonic, wrap_rad
 from endoct.base.numeric.ranks import error_of_median
-from endoct.stitching.motion.matching import Matcher, Pairs
-from endoct.stitching.motion.textures import FEWEST_FOR_FIXED_PATTERN, Strips, Texture, keep_textures
+from endoct.stitching.motion.matching import FEWEST_FOR_FIXED_PATTERN, Matcher, Pairs, Strips, Texture, keep_textures
 
 
 def robust_chain(

@@ -7,7 +7,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 from endoct.base.numeric.ranks import robust_sigma
 
 MOST_ITERATIONS = 8

@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
-from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import pad_circle
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import fit_circle
 from endoct.modalities.oct.face.outer_line import SAME_LINE_MM, outer_line, shows_catheter

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import is_folder
 from endoct.modalities.oct.spectra.chain import chain_of
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, EVEN, SpectraKeys
 from endoct.modalities.oct.spectra.reconstruction import Reconstruction
 from endoct.modalities.oct.spectra.slices import Slices, find_slices
 from endoct.modalities.oct.spectra.thorlabs import open_thorlabs
 from endoct.modalities.oct.spectra.vectors import read_vector
-from endoct.modalities.reading.folders import is_folder
 from endoct.modalities.reading.recording import ImageStack, files_of
 from endoct.modalities.reading.remarks import Remarks
 from endoct.modalities.reading.thorlabs import THORLABS

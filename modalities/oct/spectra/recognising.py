@@ -7,10 +7,9 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import read_start
+from endoct.base.files.files import entries, is_folder, read_start
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
 from endoct.modalities.oct.spectra.vectors import is_text, numbers_of
-from endoct.modalities.reading.folders import entries, is_folder
 
 _MOST_BYTES = 24 * MOST_SAMPLES
 """Of a chirp: 8 a sample, more as text."""

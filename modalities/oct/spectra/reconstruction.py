@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.modalities.oct.spectra.kernels import BLOCK, Counts, add_up, resample, write_levels
 from endoct.modalities.oct.spectra.resampling import Taps
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import SMALL_BYTES
 from endoct.base.files.zip_members import key_of, read_member

@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.circle import largest_divisor
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.oct.bscan import Spacing, mean_between, varying
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.line_removal import Bridges, bridge_ascan, bridges_over
