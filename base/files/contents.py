@@ -1,8 +1,8 @@
 """What an output of endoct holds, written into it: by that it is known for endoct's own, whole and unaltered.
 
 A folder has a file ``endoct-output.json`` with its kind and the size and sha256 of every file in it. A part that is
-written anew by itself is not listed so but named: a folder with such a file of its own, or a page whose last line holds
-the digest of all before.
+written anew by itself is only named there. It is a folder with such a file of its own, or a page whose last line holds
+the digest of everything before it.
 """
 
 import hashlib

@@ -1,7 +1,7 @@
 """The DICOM files in a folder, or one of them: which belong to a volume, and their headers, by pydicom.
 
 Why not highdicom, which makes volumes too (0.28)? It takes slices for even where their distances vary by up to 1 %,
-0.6 mm over a head; it says only that they are no volume, and not which slice it is; and it knows no tilted gantry.
+0.6 mm over a head. It says only that they are no volume, and not which slice is wrong. It knows no tilted gantry.
 """
 
 import stat
@@ -74,8 +74,8 @@ def dicom_in(folder: Path) -> bool:
 def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
     """Return the images of one series, in a folder or a file, with their headers, and notes on what was left out.
 
-    Scouts, and what is no image, are left out. Raises :class:`EndoctError` where a file may be a damaged slice, where
-    there is something that cannot be read, and where there is no series or more than one.
+    Scouts, and what is no image, are left out. Raises :class:`EndoctError` where a file may be a damaged slice or
+    cannot be read, and where there is no series or more than one.
     """
     paths, aside = _candidates(path) if path.is_dir() else ([path], [])
     files = [file for entry in paths if (file := read_header(entry)).text("SOPClassUID") != DIRECTORY]

@@ -111,7 +111,7 @@ def _shape(header: Any, path: Path) -> tuple[int, int, int]:
 
 
 def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coordinates, bool, list[str], list[Doubt]]:
-    """Return the matrix (4, 4) of (i, j, k) to RAS in mm, whether the file has one, and what is to be said of it."""
+    """Return the matrix (4, 4) of (i, j, k) to RAS in mm, whether the file has one, and notes and doubts on it."""
     unit = int(header["xyzt_units"]) & 7
     if unit not in (0, *UNITS_MM):
         raise EndoctError(f"{path} does not say its unit", found=f"code {unit}", expected="1 m, 2 mm or 3 µm")

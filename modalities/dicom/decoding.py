@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -84,8 +85,6 @@ def _size(picture: bytes) -> tuple[int, int]:
 
 
 def _jpeg(picture: bytes, stated: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     if picture.count(b"\xff\xda") > MOST_SCANS:
         raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
     if stated.samples == 1:
@@ -95,26 +94,18 @@ def _jpeg(picture: bytes, stated: Stated) -> NDArray[Any]:
 
 
 def _jpeg_lossless(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     return np.asarray(imagecodecs.jpeg_decode(picture))
 
 
 def _jpeg_ls(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     return np.asarray(imagecodecs.jpegls_decode(picture))
 
 
 def _jpeg_2000(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     return np.asarray(imagecodecs.jpeg2k_decode(picture))
 
 
 def _rle(picture: bytes, stated: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     dtype = np.dtype(f"<u{stated.bits // 8}")
     room = bytearray(stated.rows * stated.columns * stated.samples * dtype.itemsize)
     imagecodecs.dicomrle_decode(picture, dtype, out=room)

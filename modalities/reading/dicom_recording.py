@@ -1,8 +1,8 @@
 """The DICOM files of one recording: one of many frames, or a frame each, in the order that they state.
 
 Files of a frame each are ordered by their instance numbers. Where they also say where, or when, each was taken, that
-must agree. An element of a frame lies in its own functional groups, in those that all frames share, or, where files
-have a frame each, in the header itself.
+must agree. An element of a frame lies in its own functional groups, or in those that all frames share. Where files have
+a frame each, it lies in the header itself.
 """
 
 import re

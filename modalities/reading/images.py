@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,8 +64,6 @@ def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
 
 
 def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
-    import imagecodecs  # here and below, so that a plug-in's manifest can name suffixes without loading decoders
-
     chunks = list(_chunks(data))
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 25 or chunks[-1][0] != b"IEND":
         raise EndoctError(f"{path} is damaged or truncated", found="a PNG without its first or last part")
@@ -93,8 +92,6 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
-    import imagecodecs
-
     rows, columns, channels = _jpeg_shape(data)
     _check(rows, columns, channels, 1, path)
     if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
@@ -104,7 +101,7 @@ def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
 
 def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
     """Return (rows, columns, channels) as a JPEG's header has them, grey or of three colours."""
-    from PIL import JpegImagePlugin
+    from PIL import JpegImagePlugin  # here and below: a plug-in's manifest names suffixes without loading these
 
     with JpegImagePlugin.JpegImageFile(io.BytesIO(data)) as image:
         columns, rows = image.size

@@ -2,9 +2,11 @@
 
 ``multiscales`` names the axes, with units, and lists one image at several resolutions, each with its scale; the finest
 is read. A frame is a plane along z or t, whichever has several; y are rows, x columns. A converter of Bio-Formats
-(bioformats2raw, layout 3) puts images into groups 0, 1, … below. The traps: chunks that are missing are the fill value,
-as writers leave out what is black, but a frame without any was not copied; scales without a unit mean nothing; a store
-may hold links, codecs and sizes of any kind.
+(bioformats2raw, layout 3) puts images into groups 0, 1, … below. The traps:
+
+- missing chunks are the fill value, as writers leave out what is black, but a frame without any was not copied;
+- scales without a unit mean nothing;
+- a store may hold links, codecs and sizes of any kind.
 """
 
 import itertools

@@ -1,7 +1,7 @@
 """Sizes of pixels and steps as formats of microscopes state them, as keys of a sidecar.
 
-Such formats know lengths along columns, rows and frames, and times. They do not know what a B-scan is: the step along
-rows is the axial pixel, and whether that is meant in air is left open.
+Such formats know lengths along columns, rows and frames, and times. They do not know what a B-scan is. The step along
+rows is taken for the axial pixel; whether it is meant in air is left open.
 """
 
 from collections.abc import Mapping

@@ -208,15 +208,15 @@ _ORIENTATIONS = {
 
 
 class ReadVideo:
-    """Reads one frame of a video; picklable, and safe to share among threads; a process forked after its first
-    frame must not use it, but unpickle its own.
+    """Reads one frame of a video; picklable, and safe to share among threads.
 
-    Calling it with an index, counted in the order shown, gives (row, column) or (row, column, RGB), u8, or u16 where
-    the video has more than 8 bits. ``n_frames`` are counted by going once through the file's packets, without
-    decoding them. Frames are found by their time stamps from the key frame before them, so that a frame is the same
-    however it was come by. Raises :class:`EndoctError` for a file without pictures, a truncated or a damaged one.
-    Frames are upright, as the file has them displayed. ``times_s``: the time stamp of every frame, float64
-    (n_frames,), ascending.
+    Calling it with an index, counted in the order shown, gives (row, column) or (row, column, RGB). Samples are u8, or
+    u16 where the video has more than 8 bits. Frames are upright, as the file has them displayed. Each is found by its
+    time stamp from the key frame before it, so that it is the same whichever was read before.
+
+    ``n_frames`` are counted by going once through the file's packets, without decoding them. ``times_s``: the time
+    stamp of every frame, float64 (n_frames,), ascending. A process forked after the first frame must not use this
+    object, but unpickle its own. Raises :class:`EndoctError` for a file without pictures, a truncated or a damaged one.
     """
 
     def __init__(self, path: Source) -> None:

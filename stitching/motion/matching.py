@@ -17,14 +17,13 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import gaussian, wrap_rad
-from endoct.stitching.motion.warp import Motion, refine_motion
+from endoct.stitching.motion.warp import Motion, Texture, refine_motion
 
 FEWEST_FOR_FIXED_PATTERN = 8
-AT_A_TIME = 2**20  # samples: of a few whole strips, or of one part of all
-LEAST_PART = 256  # samples: with smaller ones than that, reading them takes longer than what is done with them
-
-Texture = tuple[Image, Mask]
-"""Edges in a strip, float32 (n_rows, n_theta), 0 where not observed, and a mask of the observed samples."""
+AT_A_TIME = 2**20
+"""Samples that are worked on together, of a few whole strips or of one part of all."""
+LEAST_PART = 256
+"""Samples of a part, at least: reading smaller ones takes longer than the work on them."""
 
 
 class Strips(Protocol):
@@ -40,9 +39,9 @@ def keep_textures(
 ) -> None:
     """Append to ``textures`` the edges in every strip without what every row or every strip shows alike.
 
-    Samples that are NaN or not ``valid``, bool (n, n_rows, n_theta), are not seen. Edges, not areas, say where a
-    strip lies: otherwise a trace of the median frame, which the cells themselves leave in it, would pull every feed
-    towards zero.
+    Samples that are NaN or not ``valid``, bool (n, n_rows, n_theta), count as not observed. Edges, not areas, say where
+    a strip lies. The cells themselves leave a trace of the median frame in it, which would pull every feed towards
+    zero.
     """
 
     def visible_part(k: int) -> Image:
@@ -135,12 +134,16 @@ Windows = list[tuple[float, float]]
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """What the overlap of each strip with the one ``step`` later says; arrays (n_pairs,) float64.
+    """How each strip lies on the one ``step`` earlier; arrays (n_pairs,) float64 unless said otherwise.
 
-    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
-    the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
-    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``. ``stretch``: by how much of itself the feed
-    is larger in the last row than in the middle one.
+    Attributes
+    ----------
+    feed_mm, roll_rad: place of the later strip minus that of the earlier, each (n_pairs, 3): the mean, and the parts
+        that go with cos θ and sin θ of the earlier strip.
+    correlation: at the best place.
+    ratio: how many times as high that is as at the best place elsewhere. Near 1 it means "I do not know".
+    trusted: bool, whether correlation and ratio are high enough.
+    stretch: the share by which the feed is larger in the last row than in the middle one.
     """
 
     step: int

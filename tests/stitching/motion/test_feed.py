@@ -14,7 +14,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian, wrap_rad
 from endoct.stitching.motion import matching
 from endoct.stitching.motion.feed import Feed, estimate_feed, robust_chain
-from endoct.stitching.motion.warp import Motion, refine_motion
+from endoct.stitching.motion.warp import Motion, Texture, refine_motion
 
 DZ_MM = 0.015
 RADIUS_MM = 1.25
@@ -221,7 +221,7 @@ def test_strips_made_ready_a_few_at_a_time_are_those_of_all_at_once(
     strips[rng.random(strips.shape) < missing] = np.nan
     if missing:
         strips[:, 7, 9] = strips[2] = np.nan
-    with Kept[matching.Texture]() as ready:
+    with Kept[Texture]() as ready:
         matching.keep_textures(ready, strips, None, 2.0, 3.0)
         edges, seen = (np.stack(parts) for parts in zip(*ready, strict=True))
     np.testing.assert_array_equal(edges, textures_at_once(strips))
