@@ -25,8 +25,6 @@ EXCEPTIONS = {
     "fusion/registration": {"one"},
     "fusion/scoring": {"SHOWN_SHARE", "found", "one"},
     "fusion/segmentation": {"found", "one"},
-    "modalities/ct": {"BESIDE", "BESIDE_VOXELS", "found", "what"},
-    "modalities/reading": {"_frames_told", "_shown", "found", "one", "what"},
     "tests/fusion": {"SEEN", "found", "one", "seen", "told"},
     "tests/workbench": {"SHOWN", "found", "one", "seen", "shown", "told", "what"},
     "workbench": {"found"},

@@ -140,9 +140,9 @@ def _is_text(start: bytes) -> bool:
     return all(letter.isprintable() or letter in "\r\n\t" for letter in text) and len(text) > len(start) / 2
 
 
-def _unreadable(path: Path, found: str) -> EndoctError:
+def _unreadable(path: Path, reason: str) -> EndoctError:
     return EndoctError(
-        f"{path} is no slice", found=found, expected="slices only", remedy="copy the series again, or remove that file"
+        f"{path} is no slice", found=reason, expected="slices only", remedy="copy the series again, or remove that file"
     )
 
 

@@ -197,18 +197,18 @@ def _rescale(frame: Frame, name: str) -> tuple[float, float]:
     return slope, intercept
 
 
-def _numbers(value: Any, count: int, name: str, what: str) -> Coordinates:
+def _numbers(value: Any, count: int, name: str, element: str) -> Coordinates:
     """Return the numbers of an element. Raises :class:`EndoctError` where these are not ``count`` finite ones."""
     if value is None or value == "":
         raise EndoctError(
             f"{name} does not say where its voxels lie" if count > 1 else f"{name} does not say what its values mean",
-            found=f"no {what}",
+            found=f"no {element}",
             remedy="export the CT with its geometry" if count > 1 else "",
         )
     values: Sequence[Any] = [value] if isinstance(value, int | float | str) else list(value)
     numbers = [float(item) for item in values]
     if len(numbers) != count or not all(math.isfinite(item) and abs(item) <= FARTHEST_MM for item in numbers):
-        raise EndoctError(f"{name} has a {what} that cannot be", found=", ".join(map(str, numbers[:6])))
+        raise EndoctError(f"{name} has a {element} that cannot be", found=", ".join(map(str, numbers[:6])))
     return np.array(numbers)
 
 
@@ -239,7 +239,7 @@ NEEDED = (
     "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation", "BitsAllocated", "BitsStored",
     "HighBit", "PixelRepresentation", "PixelData",
 )  # fmt: skip
-BESIDE_VOXELS = 64_000_000
+MOST_OTHER_BYTES = 64_000_000
 """Bytes that a file may have besides its voxels."""
 
 
@@ -254,7 +254,7 @@ def stored_numbers(file: DicomFile) -> NDArray[Any]:
         from pydicom import dcmread
 
         size = os.fstat(stream.fileno()).st_size
-        if size > math.prod(shape) * math.ceil(bits / 8) + BESIDE_VOXELS:
+        if size > math.prod(shape) * math.ceil(bits / 8) + MOST_OTHER_BYTES:
             raise EndoctError(f"{file.path} is larger than its header says", found=f"{size / 1e6:.0f} MB")
         data = dcmread(stream, force=True, specific_tags=list(NEEDED))
         if "PixelData" not in data:

@@ -17,7 +17,7 @@ OUR_NAMES: Mapping[int, str] = MappingProxyType(
 OUR_TABLE = "endoct"
 """Stated in place of a table: labels are those of :data:`OUR_NAMES`."""
 VOLUME_SUFFIXES = (".nii.gz", ".seg.nrrd", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
-BESIDE = ("{stem}_ColorTable.ctbl", "{stem}.ctbl", "{stem}.csv", "{stem}.label", "{stem}.txt")
+TABLE_NAMES = ("{stem}_ColorTable.ctbl", "{stem}.ctbl", "{stem}.csv", "{stem}.label", "{stem}.txt")
 """Names of a table next to a segmentation."""
 TABLE_SUFFIXES = (".ctbl", ".csv", ".label", ".txt")
 MOST_LABELS = 10_000
@@ -36,7 +36,7 @@ def table_next_to(volume: Path) -> Path | None:
     lower = volume.name.lower()
     suffix = next((end for end in VOLUME_SUFFIXES if lower.endswith(end)), "")
     stem = volume.name[: len(volume.name) - len(suffix)]
-    there = [path for name in BESIDE if (path := volume.with_name(name.format(stem=stem))).is_file()]
+    there = [path for name in TABLE_NAMES if (path := volume.with_name(name.format(stem=stem))).is_file()]
     # a text file may be about anything
     tables = [path for path in there if path.suffix not in (".txt", ".csv") or _looks_like_a_table(path)]
     if len(tables) > 1:

@@ -175,9 +175,9 @@ def _qform(header: Any, steps: Coordinates, path: Path) -> Coordinates:
     return _checked(matrix, "qform", path)
 
 
-def _checked(matrix: Coordinates, what: str, path: Path) -> Coordinates:
+def _checked(matrix: Coordinates, form: str, path: Path) -> Coordinates:
     if not np.all(np.isfinite(matrix)):
-        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{what} with numbers that are none")
+        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{form} with numbers that are none")
     return matrix
 
 

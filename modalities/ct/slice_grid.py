@@ -220,5 +220,5 @@ def _tilt(
     return True, [], [Doubt("ct-slices-askew", said, value=measured, unit="°", expected=by_header)]
 
 
-def _refused(name: str, found: str, expected: str, remedy: str = "") -> EndoctError:
-    return EndoctError(f"{name} is no even volume", found=found, expected=expected, remedy=remedy)
+def _refused(name: str, actual: str, expected: str, remedy: str = "") -> EndoctError:
+    return EndoctError(f"{name} is no even volume", found=actual, expected=expected, remedy=remedy)

@@ -69,16 +69,16 @@ class StoredVolume:
 
 
 def layers_as_one(
-    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], what: str
+    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], subject: str
 ) -> tuple[NDArray[np.uint16], tuple[Segment, ...]]:
     """Return segments that may overlap, (label, name, mask) each, as one volume of numbers, and what these stand for.
 
     A number stands for a set of segments: a label where it is only one, a new number where several overlap. Raises
-    :class:`EndoctError`, naming ``what``, where there are more such sets than numbers, or a label is too large.
+    :class:`EndoctError`, naming ``subject``, where there are more such sets than numbers, or a label is too large.
     """
     most = np.iinfo(np.uint16).max
     if any(not 0 < label <= most for label, _, _ in masks):
-        raise EndoctError(f"a label of {what} cannot be used", expected=f"whole numbers from 1 to {most}")
+        raise EndoctError(f"a label of {subject} cannot be used", expected=f"whole numbers from 1 to {most}")
     voxels = np.zeros(shape, np.uint16)
     sets: dict[frozenset[int], int] = {frozenset(): 0}
     sets |= {frozenset([label]): label for label, _, _ in masks}
@@ -89,7 +89,7 @@ def layers_as_one(
             together = content[before] | {label}
             if together not in sets:
                 if following > most:
-                    raise EndoctError(f"the segments of {what} overlap in too many ways")
+                    raise EndoctError(f"the segments of {subject} overlap in too many ways")
                 sets[together], content[following] = following, together
                 following += 1
             voxels[mask & (voxels == before)] = sets[together]

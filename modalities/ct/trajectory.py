@@ -158,7 +158,8 @@ def _of_json(path: Path) -> tuple[list[_Control], Convention]:
     convention = _CONVENTIONS.get(stated) if isinstance(stated, str) else None
     if convention is None:
         raise _unsaid(path, f"coordinateSystem {stated!r}")
-    units = _units(markup.get("coordinateUnits", "mm"))
+    units = markup.get("coordinateUnits", "mm")
+    units = units if isinstance(units, list) else [units]
     if not units or any(unit != "mm" for unit in units):
         raise EndoctError(f"{path} is not in mm", found=f"{markup['coordinateUnits']!r}"[:60])
     return [_control(point, path) for point in points], convention
@@ -209,17 +210,13 @@ def _field(header: Sequence[str], name: str) -> str:
     return found[0] if len(found) == 1 else ""
 
 
-def _unsaid(path: Path, found: str) -> EndoctError:
+def _unsaid(path: Path, stated: str) -> EndoctError:
     return EndoctError(
         f"{path} does not say whether its coordinates are RAS or LPS",
-        found=found[:60],
+        found=stated[:60],
         expected="'LPS' or 'RAS'",
         remedy="save it with 3D Slicer 5",
     )
-
-
-def _units(stated: object) -> list[object]:
-    return list(stated) if isinstance(stated, list) else [stated]
 
 
 def _place(point: _Control, convention: Convention, path: Path) -> Point:

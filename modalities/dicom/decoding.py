@@ -93,18 +93,6 @@ def _jpeg(picture: bytes, stated: Stated) -> NDArray[Any]:
     return np.asarray(imagecodecs.jpeg8_decode(picture, colorspace=stored, outcolorspace="RGB"))
 
 
-def _jpeg_lossless(picture: bytes, _: Stated) -> NDArray[Any]:
-    return np.asarray(imagecodecs.jpeg_decode(picture))
-
-
-def _jpeg_ls(picture: bytes, _: Stated) -> NDArray[Any]:
-    return np.asarray(imagecodecs.jpegls_decode(picture))
-
-
-def _jpeg_2000(picture: bytes, _: Stated) -> NDArray[Any]:
-    return np.asarray(imagecodecs.jpeg2k_decode(picture))
-
-
 def _rle(picture: bytes, stated: Stated) -> NDArray[Any]:
     dtype = np.dtype(f"<u{stated.bits // 8}")
     room = bytearray(stated.rows * stated.columns * stated.samples * dtype.itemsize)
@@ -113,6 +101,10 @@ def _rle(picture: bytes, stated: Stated) -> NDArray[Any]:
     return planes[0] if stated.samples == 1 else np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
-_DECODERS = (
-    (RLE, _rle), (JPEG, _jpeg), (JPEG_LOSSLESS, _jpeg_lossless), (JPEG_LS, _jpeg_ls), (JPEG_2000, _jpeg_2000),
-)  # fmt: skip
+_DECODERS: tuple[tuple[frozenset[str], Callable[[bytes, Stated], NDArray[Any]]], ...] = (
+    (RLE, _rle),
+    (JPEG, _jpeg),
+    (JPEG_LOSSLESS, lambda picture, _: np.asarray(imagecodecs.jpeg_decode(picture))),
+    (JPEG_LS, lambda picture, _: np.asarray(imagecodecs.jpegls_decode(picture))),
+    (JPEG_2000, lambda picture, _: np.asarray(imagecodecs.jpeg2k_decode(picture))),
+)

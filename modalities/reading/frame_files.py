@@ -252,5 +252,5 @@ def _example(names: Sequence[Name], form: str) -> str:
     return next(name.path.name for name in names if name.form == form)[:60]
 
 
-def _doubted(code: str, what: str) -> Remarks:
-    return Remarks(doubts=(Doubt(code, what),))
+def _doubted(code: str, sentence: str) -> Remarks:
+    return Remarks(doubts=(Doubt(code, sentence),))

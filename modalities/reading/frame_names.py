@@ -166,7 +166,7 @@ def _rank(reading: Reading, names: Sequence[Name]) -> tuple[int, int, int, int]:
         fields = varying(names)
         n_varying = len(fields)
         collide = len({name.numbers for name in names}) < len(names)
-        irregular = int(collide or not fields or _is_irregular(names, fields))
+        irregular = int(collide or not fields or all(spacing_in(names, field).kind == "uneven" for field in fields))
     return len(forms), irregular, n_varying, reading.signed * 4 + reading.decimal * 2 - 8 * reading.clock
 
 
@@ -175,7 +175,3 @@ def _is_even(names: Sequence[Name]) -> bool:
         return False
     fields = varying(names)
     return len(fields) == 1 and spacing_in(names, fields[0]).kind == "even"
-
-
-def _is_irregular(names: Sequence[Name], fields: Sequence[int]) -> bool:
-    return all(spacing_in(names, field).kind == "uneven" for field in fields)

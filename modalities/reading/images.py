@@ -54,12 +54,12 @@ def read_image(path: Path) -> tuple[NDArray[Any], int]:
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
 
 
-def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
+def check_jpeg(data: bytes, shape: tuple[int, int], subject: str) -> None:
     """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (rows, columns), or is coded in many scans."""
     rows, columns, _ = _jpeg_shape(data)
     if columns != shape[1] or rows > shape[0]:
         raise EndoctError(
-            f"{what} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
+            f"{subject} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
         )
 
 

@@ -303,9 +303,9 @@ def _read_single(path: Path) -> tuple[NDArray[Any], int]:
     return read(0), read.layout.orientation
 
 
-def _alike(one: Path, other: Path) -> bool:
+def _alike(file: Path, other: Path) -> bool:
     """Say whether two files hold the same pixels, grey or in three equal colours, in 8 bits or in 16."""
-    return same_picture(_read_single(one)[0], _read_single(other)[0])
+    return same_picture(_read_single(file)[0], _read_single(other)[0])
 
 
 def whole_recordings(folder: Path) -> list[Path]:

@@ -103,15 +103,15 @@ def on_repeated(prints: Mapping[int, bytes], read: Callable[[int], NDArray[Any]]
     return Remarks(doubts=(Doubt("frames-repeated", what, value=float(count), unit="1", expected=0.0),))
 
 
-def same_picture(one: NDArray[Any], other: NDArray[Any]) -> bool:
+def same_picture(image: NDArray[Any], other: NDArray[Any]) -> bool:
     """Say whether two images are the same, where one may have three equal colours, or opaque transparency more."""
-    one, other = _plain(one), _plain(other)
-    if one.shape != other.shape:
+    image, other = _plain(image), _plain(other)
+    if image.shape != other.shape:
         return False
-    if one.dtype != other.dtype and {one.dtype, other.dtype} == {np.dtype(np.uint8), np.dtype(np.uint16)}:
-        wide, narrow = (one, other) if one.dtype == np.uint16 else (other, one)
+    if image.dtype != other.dtype and {image.dtype, other.dtype} == {np.dtype(np.uint8), np.dtype(np.uint16)}:
+        wide, narrow = (image, other) if image.dtype == np.uint16 else (other, image)
         return bool(np.array_equal(wide, narrow) or np.array_equal(wide, narrow.astype(np.uint16) * 257))
-    return bool(np.array_equal(one, other))
+    return bool(np.array_equal(image, other))
 
 
 def without_colour(image: NDArray[Any]) -> NDArray[Any] | None:

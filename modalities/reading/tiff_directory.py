@@ -261,9 +261,9 @@ def size_of(file: BinaryIO) -> int:
     return os.fstat(file.fileno()).st_size
 
 
-def damaged(path: Path, found: str) -> NoReturn:
+def damaged(path: Path, reason: str) -> NoReturn:
     """Raise :class:`EndoctError` for a directory that cannot be."""
-    raise EndoctError(f"{path} is damaged, or no TIFF of images", found=found, remedy="copy or export it again")
+    raise EndoctError(f"{path} is damaged, or no TIFF of images", found=reason, remedy="copy or export it again")
 
 
 def truncated(path: Path, size: int, needed: int) -> NoReturn:

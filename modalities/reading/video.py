@@ -301,10 +301,10 @@ class ReadVideo:
             self._ahead = None
         return self._recent.get(index)
 
-    def _unreadable(self, index: int, found: str) -> EndoctError:
+    def _unreadable(self, index: int, reason: str) -> EndoctError:
         self._forget()
         return EndoctError(
-            f"frame {index} of {self.path} cannot be decoded", found=found, remedy="copy or export the video again"
+            f"frame {index} of {self.path} cannot be decoded", found=reason, remedy="copy or export the video again"
         )
 
 

@@ -56,7 +56,8 @@ def keep_textures(
     def put_away(blocks: Kept[Image], whole: bool) -> bool:
         """Return False if strips marked ``whole`` have gaps."""
         for those in groups:
-            images = np.stack([_without_rows(visible_part(k), whole).ravel() for k in those])
+            visible = map(visible_part, those)
+            images = np.stack([(image - _nanmedians(image, whole)[:, None]).ravel() for image in visible])
             if whole and np.isnan(images).any():
                 return False
             for part_of_all in parts:
@@ -82,10 +83,6 @@ def keep_textures(
                 images -= fixed
             for image in images.reshape(-1, *shape):
                 textures.append(blur.edges(image))
-
-
-def _without_rows(image: Image, whole: bool) -> Image:
-    return image - _nanmedians(image, whole)[:, None]
 
 
 class _Blur:
