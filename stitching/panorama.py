@@ -237,7 +237,7 @@ class Panorama:
 
 
 LEAST_VALID_SHARE = 0.9
-"""A panorama of which less was observed is doubted."""
+"""A panorama is doubted where less of it than this was observed."""
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:

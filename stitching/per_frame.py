@@ -16,10 +16,10 @@ _TEXT = re.compile(r"[\w ()/°%.,·+−-]{0,100}")
 """Titles and units may hold these characters. They also come from files of others, and appear in figures and pages."""
 
 _UNITS = {"mm": "mm", "rad": "rad", "deg": "°", "px": "px", "hz": "Hz", "s": "s"}
-"""Units by the last word of a name."""
+"""Units go by the last word of a name."""
 
 _SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
-"""Last words of names of flags that are true of frames to be trusted."""
+"""A flag whose name ends in one of these words is true of frames that can be trusted."""
 
 
 @dataclass(frozen=True)

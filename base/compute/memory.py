@@ -126,7 +126,7 @@ def _disk_reported(done: str) -> Iterator[None]:
 
 
 ALIGNED = 64
-"""Bytes: the start of every array is a multiple of these, as vector instructions need it."""
+"""The start of every array is a multiple of this many bytes, as vector instructions need it."""
 
 
 class Room(threading.local):

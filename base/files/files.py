@@ -1,4 +1,11 @@
-"""x"""
+"""A user's files: opened with care, held against size limits, named safely, listed, and digested.
+
+Only regular files are opened, and small ones are read whole. Their states before and after say whether they stayed
+as they are while they were read. The size of an array that a file asks for is checked before memory is taken.
+
+Texts from files become parts of paths only after a check, and cells of a table such that no spreadsheet takes them
+for a formula. Digests of what a recording consists of, by path, say which bytes a result came from.
+"""
 
 import hashlib
 import math

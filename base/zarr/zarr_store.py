@@ -153,7 +153,7 @@ def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Pat
 
 
 MOST_METADATA_BYTES = 16_000_000
-"""The root's hold those of all arrays, and the provenance."""
+"""Metadata may have this many bytes. The root's hold those of all arrays, and the provenance."""
 MOST_ARRAYS = 200
 DAMAGED = "copy the store again, or make it again"
 

@@ -33,11 +33,11 @@ from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 MOST_LABELS = 64
 LABEL_SIGMA_VOXELS = 0.6
-"""Blur of a segmentation: takes its steps, leaves septa of one voxel."""
+"""A segmentation is blurred by this: it takes its steps, and leaves septa of one voxel."""
 MOST_SHEAR = 1e-3
-"""Cosine between two axes of voxels that counts as a right angle."""
+"""Two axes of voxels with a cosine up to this count as at right angles."""
 VOXELS_MM = (0.001, 20.0)
-"""Of a patient, or of a bone under a micro-CT; anything else is another unit."""
+"""Voxels of a patient, or of a bone in a micro-CT, have sizes between these; anything else is another unit."""
 _FORMATS: tuple[tuple[Callable[[Path], bool], Callable[[Path], StoredVolume]], ...] = (
     (is_nrrd, read_nrrd),
     (is_dicom, read_dicom),

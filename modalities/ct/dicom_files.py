@@ -24,9 +24,9 @@ NO_DICOM_SUFFIXES = frozenset(
      ".yml", ".jpg", ".jpeg", ".png", ".gif", ".bmp", ".tif", ".tiff", ".zip", ".exe", ".dll", ".ctbl", ".label",
      ".fcsv", ".nii", ".gz", ".nrrd", ".mha", ".mhd", ".raw", ".py", ".sh")
 )  # fmt: skip
-"""Of files that may lie next to slices. Another file that is no DICOM may be a damaged slice."""
+"""Files with these suffixes may lie next to slices. Any other file that is no DICOM may be a damaged slice."""
 LOOKED_AT = 50
-"""Files of a folder, until it is said that it holds no DICOM."""
+"""So many files of a folder are looked at before it counts as one without DICOM."""
 SCOUT, DIRECTORY = "LOCALIZER", "1.2.840.10008.1.3.10"
 KEYWORDS = (
     "SpecificCharacterSet", "ImageType", "SOPClassUID", "SOPInstanceUID", "Modality", "SeriesDescription",

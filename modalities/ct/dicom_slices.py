@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from pydicom import Dataset
 
 NOT_UNIT = 2e-3
-"""By how much a direction's length, or a right angle's cosine, may be off: of numbers with three digits."""
+"""A direction's length, or a right angle's cosine, may be off by this much, as of numbers with three digits."""
 MOST_FRAMES = 20_000
 FARTHEST_MM = 1e5
 ALIKE = (
     "PatientID", "StudyInstanceUID", "FrameOfReferenceUID", "Modality", "ConvolutionKernel", "SliceThickness",
     "ReconstructionDiameter", "TemporalPositionIdentifier", "TemporalPositionIndex",
 )  # fmt: skip
-"""What all slices of one volume have in common."""
+"""All slices of one volume have these in common."""
 IN_BLOCKS = ("AcquisitionNumber", "ImageType", "KVP")
-"""What may change along a volume, but not to and fro."""
+"""These may change along a volume, but not to and fro."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,7 +240,7 @@ NEEDED = (
     "HighBit", "PixelRepresentation", "PixelData",
 )  # fmt: skip
 MOST_OTHER_BYTES = 64_000_000
-"""Bytes that a file may have besides its voxels."""
+"""A file may have this many bytes besides its voxels."""
 
 
 def stored_numbers(file: DicomFile) -> NDArray[Any]:

@@ -21,14 +21,14 @@ from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume, read_voxel
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
 SHORTEST, FARTHEST = 348, 1_000_000_000
-"""Bytes before the voxels."""
+"""So many bytes come before the voxels, at least and at most."""
 UNITS_MM = {1: 1000.0, 2: 1.0, 3: 1e-3}
-"""Of ``xyzt_units``: m, mm, µm."""
+"""The units of ``xyzt_units`` are m, mm and µm."""
 APART_VOXELS = 0.1
-"""How far sform and qform may lie apart with a doubt, of the smallest voxel."""
+"""sform and qform may lie this far apart with a doubt, in sizes of the smallest voxel."""
 SINGLE, PAIR = (b"n+1\0", b"n+2\0"), (b"ni1\0", b"ni2\0")
 OUR_LABELS = "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum"
-"""The description of label maps that the simulator writes."""
+"""Label maps that the simulator writes have this description."""
 
 
 def is_nifti(path: Path) -> bool:

@@ -25,7 +25,7 @@ SPACES: Mapping[str, tuple[Convention | None, tuple[float, float, float]]] = {
     "left-anterior-superior": (None, (1.0, -1.0, 1.0)),
     "las": (None, (1.0, -1.0, 1.0)),
 }
-"""By name: the convention it is, and by what its x, y and z are multiplied to have those of LPS."""
+"""A space is one of these conventions. Its x, y and z times the numbers are those of LPS."""
 UNITS_MM = {
     "": 1.0, "mm": 1.0, "millimeter": 1.0, "millimeters": 1.0, "millimetre": 1.0, "cm": 10.0, "m": 1000.0,
     "meter": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3,

@@ -22,11 +22,11 @@ from endoct.base.files.files import inside
 
 Convention = Literal["ras", "lps"]
 SIGNS: dict[Convention, tuple[float, float, float]] = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}
-"""By what x, y and z of LPS are multiplied to have those of a convention."""
+"""x, y and z of LPS times these are those of a convention."""
 SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".dcm")
 EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
-"""How far a voxel may lie from where its file says."""
+"""A voxel may lie this far from where its file says."""
 AXES = 3
 
 

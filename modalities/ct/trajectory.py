@@ -72,18 +72,18 @@ ENDS = ("entry", "target")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
 FARTHEST_MM = 1e5
 PLACED = "defined"
-"""The status of a point that somebody placed."""
+"""A point that somebody placed has this status."""
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#"
 )
 _CONVENTIONS: dict[object, Convention] = {"LPS": "lps", "RAS": "ras"}
 _OF_FCSV: dict[str, Convention] = {"lps": "lps", "ras": "ras", "0": "ras", "1": "lps"}
-"""By the header's CoordinateSystem: by name from Slicer 4.11 on, by number before."""
+"""The header's CoordinateSystem is a name from Slicer 4.11 on, and was a number before."""
 _FCSV_COLUMNS = ("id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatednodeid")
 _TURN = ("ow", "ox", "oy", "oz")
 _FCSV_STATUS = {"0": "undefined", "1": "preview", "2": PLACED, "3": "missing"}
-"""By the number that Slicer 5 writes after these columns and one more."""
+"""Slicer 5 writes the status as a number, after these columns and one more."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ JPEG_LS = frozenset(f"{_SYNTAX}.4.{number}" for number in (80, 81))
 JPEG_2000 = frozenset(f"{_SYNTAX}.4.{number}" for number in (90, 91))
 READ = "uncompressed DICOM, RLE, JPEG, JPEG-LS or JPEG 2000"
 MOST_SCANS = 50
-"""Of a progressive JPEG; usual ones have 10. Each goes over the whole image."""
+"""A progressive JPEG may have this many scans; usual ones have 10. Each goes over the whole image."""
 _FRAMES_OF_JPEG = frozenset({*range(0xC0, 0xD0), 0xF7}) - {0xC4, 0xC8, 0xCC}
-"""Markers whose segments state the size of a picture, JPEG-LS's included."""
+"""Segments with these markers state the size of a picture, JPEG-LS's included."""
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 SAMPLES, ITEM, END = 0x7FE0_0010, b"\xfe\xff\x00\xe0", b"\xfe\xff\xdd\xe0"
 UNDEFINED = 0xFFFF_FFFF
 LONG = (b"OB", b"OW", b"UN", b"OF", b"OD", b"OL", b"OV")
-"""Kinds of values whose length has four bytes."""
+"""The length of values of these kinds has four bytes."""
 MOST_FRAGMENTS = 1_000_000
 MOST_TABLE_BYTES = 8_000_000
 BIG_ENDIAN, IMPLICIT = "1.2.840.10008.1.2.2", ("", "1.2.840.10008.1.2")
 COPY = "copy it again"
 Fragment = tuple[int, int]
-"""Start and length, in bytes of the file."""
+"""A fragment is its start and length, in bytes of the file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,14 +157,14 @@ LAYOUT = (
     "BluePaletteColorLookupTableDescriptor", "RedPaletteColorLookupTableData", "GreenPaletteColorLookupTableData",
     "BluePaletteColorLookupTableData",
 )  # fmt: skip
-"""Elements without which samples cannot be read."""
+"""Samples cannot be read without these elements."""
 PLAIN = (*IMPLICIT, "1.2.840.10008.1.2.1", BIG_ENDIAN)
 STREAMS = tuple(f"1.2.840.10008.1.2.4.{number}{end}" for number in range(100, 109) for end in ("", ".1"))
-"""Transfer syntaxes of videos."""
+"""These transfer syntaxes are those of videos."""
 GREY = ("MONOCHROME1", "MONOCHROME2")
 COLOURS = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_RCT", "YBR_ICT")
 HALF_WIDTH = "YBR_FULL_422"
-"""Uncompressed, two pixels share their two colours: Y Y Cb Cr."""
+"""Where these colours are not compressed, two pixels share their two: Y Y Cb Cr."""
 PALETTE = "PALETTE COLOR"
 MOST_FRAMES = 1_000_000
 

@@ -26,7 +26,7 @@ from endoct.modalities.reading.video_container import FilePart, container_of
 
 KEYWORDS = ("FrameTime", "FrameTimeVector", "CineRate", "BurnedInAnnotation")
 ALIKE = 0.02
-"""Share by which two frame rates may differ."""
+"""Two frame rates may differ by this share and count as the same."""
 
 
 @dataclass(frozen=True, eq=False)

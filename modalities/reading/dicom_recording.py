@@ -29,7 +29,7 @@ ORDER = (
     "AcquisitionTime", "ContentTime", "ConcatenationUID", "InConcatenationTotalNumber",
     "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence",
 )  # fmt: skip
-"""Elements that are read besides those of the samples."""
+"""These elements are read besides those of the samples."""
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]{1,6})?)(?:[+-][0-9]{4})?")
 """A time, or a date with a time, as DICOM writes them."""
 APART = "put each recording into a folder of its own"

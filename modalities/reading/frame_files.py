@@ -30,7 +30,8 @@ from endoct.modalities.reading.remarks import NONE, Remarks, some_names
 from endoct.modalities.reading.repeated_frames import sets_of_equal
 
 COMPARED, COMPARED_BYTES = 16, 400_000_000
-"""Of a folder that has images twice, pixels are compared: of all, or of so many pairs where files are larger in all."""
+"""Where a folder has images twice, the pixels of this many pairs are compared; of all, if they have no more bytes
+together."""
 _PREFERRED = (".tif", ".tiff", ".btf", ".tf8", ".png", ".bmp", ".jpg", ".jpeg")
 _BY_NAMES = "the numbers in names"
 

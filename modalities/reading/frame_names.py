@@ -17,12 +17,12 @@ from endoct.modalities.reading.numbering import Spacing, spacing_of
 Unit = Literal["", "mm", "s"]
 Number = int | Fraction
 LONGEST_NUMBER = 15
-"""Digits; longer ones, as of a time in ns, are no count of frames."""
+"""Numbers with more digits, as of a time in ns, are no count of frames."""
 _MINUS = ("-", "\u2212", "\u2013")
 _UNITS = {"mm": Fraction(1), "um": Fraction(1, 1000), "\u00b5m": Fraction(1, 1000), "\u03bcm": Fraction(1, 1000)}
 _UNIT = r"(?:[ _]?(?P<unit>mm|um|\u00b5m|\u03bcm)(?![a-z]))?"
 _SPLIT_LENGTH = re.compile(r"#[.,]#mm")
-"""What a length with decimals becomes where they are not read as such."""
+"""A length with decimals looks like this where they are not read as decimals."""
 _CLOCK = (
     r"(?P<clock>(?<![0-9])(?:19|20)[0-9]{2}[-_.]?[01][0-9][-_.]?[0-3][0-9][-_. t]?[0-2][0-9][-_.:h]?[0-5][0-9]"
     r"[-_.:m]?[0-5][0-9](?:[-_.,]?[0-9]{3}(?:[0-9]{3})?)?(?![0-9]))|"

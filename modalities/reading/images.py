@@ -21,11 +21,11 @@ from endoct.modalities.reading.orientation import UPRIGHT, orientation_in_exif, 
 logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
 
 COPIES = 2
-"""What decoding holds at most, in the size of the image: the image and one copy."""
+"""Decoding holds at most this many times the image: the image and one copy."""
 MOST_SCANS = 50
-"""Of a progressive JPEG; usual ones have 10. Each goes over the whole image."""
+"""A progressive JPEG may have this many scans; usual ones have 10. Each goes over the whole image."""
 CHANNELS = {0: 1, 2: 3, 3: 4, 4: 2, 6: 4}
-"""By a PNG's type of colour."""
+"""The number of channels follows from a PNG's type of colour."""
 _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 

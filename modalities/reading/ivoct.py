@@ -53,7 +53,7 @@ from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, int
 from endoct.modalities.reading.remarks import NONE, Remarks
 
 RADIUS_WITHIN = 0.02
-"""Share of half a side by which the stated radius may differ from it."""
+"""The stated radius may differ from half a side by this share of it."""
 
 
 @dataclass(frozen=True)

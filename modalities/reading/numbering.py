@@ -11,17 +11,17 @@ from endoct.base.doubt import Doubt
 from endoct.modalities.reading.remarks import NONE, Remarks
 
 LEAST_REGULAR = 0.8
-"""Share of equal steps from which on they are the usual step; else it is the median."""
+"""Where this share of the steps is equal, that is the usual step; else it is the median."""
 WITHIN = 0.25
-"""Of the usual step, by which a step may differ from a whole number of them."""
+"""A step may differ from a whole number of usual steps by this share of one."""
 FINE = 20
-"""Times the resolution: steps from there on may jitter, as times and measured places do."""
+"""Steps of this many times the resolution or more may jitter, as times and measured places do."""
 EXACT = 1e-6
 LEAST_USUAL = 0.5
-"""Share of the steps that are no gap."""
+"""At least this share of the steps is no gap."""
 MOST_DRIFT_SHARE = 0.01
 MOST_DRIFT = 0.5
-"""Of the usual step, by which a frame may lie off its place where all lie evenly."""
+"""Where all frames lie evenly, one may lie this share of the usual step off its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +75,13 @@ def _usual(steps: Coordinates) -> float:
 
 GAP_STEPS = 1.5
 OTHER_PITCH = 0.05
-"""Share by which the millimetres in names may differ from the pitch of the sidecar."""
+"""The millimetres in names may differ from the pitch of the sidecar by this share."""
 OTHER_RATE = 0.02
-"""Share by which the time stamps of a video may differ from the frame rate of the sidecar and be of that rate."""
+"""Time stamps that differ from the frame rate of the sidecar by no more than this share are of that rate."""
 
 MOST_MISSING = 3
-"""Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
+"""Where there are more than this many times as many places as frames, numbers rather begin anew than count missing
+frames."""
 
 Positions = tuple[float, ...] | None
 

@@ -29,7 +29,7 @@ from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_unit
 
 PICTURES = Allowed(LABELS.types - {"bool"} | {"float32", "float64"}, LABELS.codecs)
 VERSIONS = {"0.4": 2, "0.5": 3}
-"""With the format of Zarr that each is on."""
+"""Each version of the format is on one of Zarr."""
 MOST_CHUNKS_A_FRAME = 2_000
 """A turn of 14 000 A-scans has 1752 of 64 × 64 samples; many more take seconds to look at."""
 PLAIN = "export it as TIFF, one page a frame"

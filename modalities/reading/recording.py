@@ -30,7 +30,7 @@ from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_ti
 from endoct.modalities.reading.video import VIDEO
 
 FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR)
-"""In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
+"""They are asked in this order. What none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 

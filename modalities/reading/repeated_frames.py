@@ -68,11 +68,11 @@ def _digest(file: Path) -> str:
 
 
 ROWS, COLUMNS = 16, 1024
-"""Of a frame are looked at at first: so many take 20 µs."""
+"""So many rows and columns of a frame are looked at at first, which takes 20 µs."""
 MOST_CONFIRMED = 16
-"""Pairs of which all samples are compared; that reads their frames again."""
+"""So many pairs are compared sample by sample, for which their frames are read again."""
 PLAIN = b""
-"""What stands for a frame of one value, which repeats nothing."""
+"""This stands for a frame of one value, which repeats nothing."""
 
 
 def fingerprint(frame: NDArray[Any]) -> bytes:

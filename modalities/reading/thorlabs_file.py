@@ -21,9 +21,9 @@ HEADER = "header.xml"
 MOST_HEADER_BYTES = 16_000_000
 INTENSITY, COMPLEX = "data/intensity.data", "data/complex.data"
 ALIKE = 0.01
-"""Share by which lengths that say the same may differ."""
+"""Lengths that say the same may differ by this share."""
 LEAST_PIXEL_MM, MOST_PIXEL_MM = 1e-4, 0.2
-"""Between depth samples; what a header says beyond is of something else."""
+"""Depth samples lie so far apart; what a header says beyond is of something else."""
 _SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
 _ROOT = re.compile(rf"<\s*{ROOT}\b")
 _FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")

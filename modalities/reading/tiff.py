@@ -43,7 +43,7 @@ from endoct.modalities.reading.tiff_directory import (
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 MOST_DESCRIPTION = 100_000
 COPIES = 2
-"""What decoding a page holds at most, in its own size: the page and a copy in another byte order."""
+"""Decoding holds at most this many times the page: the page and a copy in another byte order."""
 DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     import av
 
 RECENT_FRAMES = 8
-"""Decoded frames kept, because threads ask for neighbours in any order; fewer where frames are very large."""
+"""So many decoded frames are kept, since threads ask for neighbours in any order; fewer where frames are very large."""
 MOST_FRAMES = 1_000_000
 
 
@@ -197,14 +197,15 @@ def _taken(times: NDArray[np.int64], walk: _Walk, unedited: _Walk | None) -> tup
 
 
 STAMP_JITTER = 0.1
-"""Of the usual step: what time stamps of a video jitter; where they do more, frames were taken at uneven times."""
+"""Time stamps of a video jitter by this share of the usual step. Where they do by more, frames were taken at uneven
+times."""
 SHORTEST_STEP_S, LONGEST_STEP_S = 1e-5, 100.0
-"""Between frames of a camera; a file whose time stamps lie otherwise states no rate."""
+"""Frames of a camera lie between these apart; a file whose time stamps lie otherwise states no rate."""
 _ORIENTATIONS = {
     (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
     (0, -1, 1, 0): 8,
 }  # fmt: skip
-"""By the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
+"""The orientation follows from the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
 
 
 class ReadVideo:

@@ -96,11 +96,11 @@ class _Pieces(io.RawIOBase):
 
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".avi", ".mov", ".webm", ".m4v", ".3gp")
 PIXEL_BYTES = 8
-"""A decoded pixel takes at most, in any format."""
+"""A decoded pixel takes no more bytes than this, in any format."""
 READ_AHEAD_BYTES = 1 << 18
 QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 _STILL_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc", b"crx ")
-"""Photographs in the container of MP4."""
+"""Files of these brands are photographs in the container of MP4."""
 _SEGMENT = b"\x18\x53\x80\x67"
 _MOST_ATOMS = 10_000
 _MOST_MOOV_BYTES = 64_000_000

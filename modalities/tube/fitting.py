@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import NotSeen
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
 
 ROUNDS = 4
 STRAY_SIGMAS = 4.0
 LEAST_SIGMA = 1e-3
 """No group's standard error is taken for less than this, mm."""
 MOST_SCATTER_MM = 0.05
-"""Of points that lie on marks."""
-SIGMA_PER_MEDIAN = 1.4826
+"""Points that lie on marks scatter by no more than this."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,9 @@ Template = Callable[[Coordinates, Coordinates], Coordinates]
 COLUMNS = 128
 STEP_MM = 0.04
 TOGETHER_MM = 0.25
-"""Along which the brightness of neighbouring rows errs alike."""
+"""The brightness of rows that lie this close together errs alike."""
 MARGIN_MM = 2.0
-"""Beyond the tube's ends, to which a recording may reach."""
+"""A recording may reach this far beyond the tube's ends."""
 
 
 @dataclass(frozen=True)
@@ -120,13 +120,11 @@ def rings_sigmas(image: Coordinates, row_z_mm: Coordinates, template: Template, 
 
 LEAST_CORRELATION = 0.6
 WINDING_LEAD = 0.03
-"""By which the best orientation's correlation must exceed that with a helical groove that winds the other way."""
+"""The best orientation's correlation exceeds by this that with a helical groove that winds the other way."""
 CLEAR_LEAD, LEAST_SIGMAS = 0.1, 2.0
-"""By which it must exceed that of the tube turned end for end, or else rings must speak for it, in standard errors.
-
+"""It exceeds that of the tube turned end for end by the first, or rings speak for it by the second, in standard errors.
 That was right in 28 of 28 recordings by endoscopes, by 2.1 to 10.5 standard errors and a lead of 0.02 to 0.14. They
-were of the preset `tube`, seeds 30–37, and independent recordings, seeds 10–29.
-"""
+were of the preset `tube`, seeds 30–37, and independent recordings, seeds 10–29."""
 REMEDY = (
     "check that tube.toml is that of this tube, and that the recording reaches from before its first ring to behind "
     "its second"
