@@ -25,7 +25,7 @@ SHORTEST, FARTHEST = 348, 1_000_000_000
 UNITS_MM = {1: 1000.0, 2: 1.0, 3: 1e-3}
 """The units of ``xyzt_units`` are m, mm and µm."""
 APART_VOXELS = 0.1
-"""sform and qform may lie this far apart with a doubt, in sizes of the smallest voxel."""
+"""An sform and a qform may lie this far apart with a doubt, in sizes of the smallest voxel."""
 SINGLE, PAIR = (b"n+1\0", b"n+2\0"), (b"ni1\0", b"ni2\0")
 OUR_LABELS = "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum"
 """Label maps that the simulator writes have this description."""

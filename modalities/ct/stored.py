@@ -22,7 +22,7 @@ from endoct.base.files.files import inside
 
 Convention = Literal["ras", "lps"]
 SIGNS: dict[Convention, tuple[float, float, float]] = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}
-"""x, y and z of LPS times these are those of a convention."""
+"""Multiplied by these, x, y and z of LPS are those of a convention."""
 SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".dcm")
 EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
