@@ -16,13 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import inside, read_small, text_of
-from endoct.modalities.reading.folders import exists, is_folder
+from endoct.base.files.files import exists, inside, is_folder, read_small, text_of
 from endoct.stitching.panorama import AxialScale
 
 LARGEST_WHOLE = 2**64
 SETTINGS = "the settings"
-"""Where keys stand that are given for one run, as by ``--set``."""
+"""This is the place of keys that are given for one run, as by ``--set``."""
 UNITS = {
     "_mm_s": "mm/s",
     "_mm2": "mm²",
@@ -155,7 +154,7 @@ SIDECAR_NAME = "acquisition.toml"
 Travel = Literal["in", "out", "unknown"]
 Handedness = Literal["same", "mirrored", "unknown"]
 MOST_PLACE_MM = 1e4
-"""No bore is longer."""
+"""No bore is longer than this."""
 MOST_PLACES = 1_000_000
 MOST_STATED = 100
 Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
@@ -163,7 +162,7 @@ LONGEST_KEY = 100
 _COMMA_DECIMAL = re.compile(
     r"^[ \t]*([A-Za-z0-9_-]{1,100})[ \t]*=[ \t]*([-+]?[0-9]{1,20},[0-9]{1,20})(?![0-9,])", re.MULTILINE
 )
-"""A number as many countries write it, which TOML has not."""
+"""Many countries write numbers like this, and TOML does not."""
 
 
 @dataclass(frozen=True)

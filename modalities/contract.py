@@ -153,8 +153,8 @@ class Calibration(Protocol):
 
     ``grid`` and ``row_z_mm`` (float64 (n_z,), ascending) are the rows and columns of the panorama, on which
     every strip must lie. ``per_frame`` is geometry and quality per frame, in the recording's own order, with
-    ``"z_mm"`` among them; ``notes`` says, in full sentences, what is to be known of
-    the recording or of some of its frames; what speaks against the whole is a doubt, which ``settle`` adds.
+    ``"z_mm"`` among them. ``notes`` says, in full sentences, what is to be known of the recording or of some of its
+    frames. What speaks against the whole is a doubt, which ``settle`` adds.
     """
 
     @property

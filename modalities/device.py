@@ -7,7 +7,7 @@ from typing import Literal
 from endoct.base.errors import EndoctError
 
 Device = Literal["cpu", "cuda"]
-"""As torch names them; "cpu" is the reference, and of unrolling not torch's."""
+"""Devices are named as torch names them. "cpu" is the reference, which for unrolling does without torch."""
 
 
 def check_device(device: Device) -> None:

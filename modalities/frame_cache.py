@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import Generic, TypeVar
 
-from endoct.base.compute.spool import Kept
+from endoct.base.compute.memory import Kept
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
 

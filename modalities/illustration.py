@@ -9,7 +9,8 @@ from endoct.modalities.contract import Frame, Modality, Picture, Places, Seen
 from endoct.stitching.strip import Strip
 
 COLUMNS = 1440
-"""Places around a row where a frame shows a single row of the wall. With several rows, each has a quarter of them."""
+"""So many places lie around a row where a frame shows a single row of the wall. Of several rows, each has a quarter of
+them."""
 ROWS = 9
 
 

@@ -9,11 +9,10 @@ from shlex import quote
 from typing import Any, get_args
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import plain_name
+from endoct.base.files.files import exists, plain_name
 from endoct.modalities.acquisition import SIDECAR_NAME, abridged, overridden, read_keys, sidecar_path, validate
 from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
 from endoct.modalities.device import Device
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.recording import refusal_of, stated_by
 from endoct.modalities.stated import stated_keys
 

@@ -27,8 +27,8 @@ class SurfaceGrid:
     column 0; ``dz_mm`` > 0 and ``dtheta_rad`` the steps; ``radius_mm`` the nominal bore radius; ``rows_mm`` the centres
     of rows that do not lie at even steps, of which ``dz_mm`` is then the typical one, else None.
 
-    Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, rows do not ascend,
-    or a panorama on the grid would take more memory than one array may.
+    Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, or rows do not
+    ascend. Raises it also where a panorama on the grid would take more memory than one array may.
     """
 
     n_z: int

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 WIDTH_PX, HEIGHT_PX = 180, 160
 COLOURS = 16
-"""Colours in a picture: so few that it takes some kB."""
+"""A picture has so few colours that it takes some kB."""
 NOT_OBSERVED_RGB = np.array([0xB9, 0xD0, 0xF2], dtype=np.uint8)
 
 

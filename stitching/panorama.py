@@ -28,9 +28,12 @@ if TYPE_CHECKING:
 class AxialScale:
     """What z, in mm, was taken from.
 
-    Attributes: ``stated``, the keys of the sidecar to which z is proportional and their values, by name, > 0; empty
-    where there is no such key, as for positions of every frame. ``checked``: whether the recording itself measures
-    what is stated, as a feed that is seen in the images does; what that says against it is a doubt of the panorama.
+    Attributes
+    ----------
+    stated: the keys of the sidecar to which z is proportional, with their values, > 0. It is empty where there is no
+        such key, as for positions of every frame.
+    checked: whether the recording itself measures what is stated, as a feed that is seen in the images does. What that
+        says against it is a doubt of the panorama.
 
     Raises :class:`EndoctError` for a value that is not a positive number.
     """
@@ -234,7 +237,7 @@ class Panorama:
 
 
 LEAST_VALID_SHARE = 0.9
-"""A panorama of which less was observed is doubted."""
+"""A panorama is doubted where less of it than this was observed."""
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:

@@ -16,20 +16,23 @@ _TEXT = re.compile(r"[\w ()/°%.,·+−-]{0,100}")
 """Titles and units may hold these characters. They also come from files of others, and appear in figures and pages."""
 
 _UNITS = {"mm": "mm", "rad": "rad", "deg": "°", "px": "px", "hz": "Hz", "s": "s"}
-"""Units by the last word of a name."""
+"""Units go by the last word of a name."""
 
 _SPEAKS_FOR = ("trusted", "reliable", "found", "observed", "fitted", "valid", "known", "ok")
-"""Last words of names of flags that are true of frames to be trusted."""
+"""A flag whose name ends in one of these words is true of frames that can be trusted."""
 
 
 @dataclass(frozen=True)
 class Meaning:
     """What numbers per frame mean.
 
-    Attributes: ``title``, what they are, in words ("pair correlation"), of a flag what it says where it is true ("pair
-    trusted"); ``unit`` of the numbers, "" where they have none; ``trusted_when``, of a flag, the value of frames that
-    can be trusted, None where it says nothing about that; ``usual``, of numbers that say how good a frame is, the
-    least and the largest of sound recordings, in ``unit``, infinite where there is no limit. Reports put those first.
+    Attributes
+    ----------
+    title: what they are, in words ("pair correlation"); of a flag, what it says where it is true ("pair trusted").
+    unit: of the numbers, "" where they have none.
+    trusted_when: of a flag, the value of frames that can be trusted; None where it says nothing about that.
+    usual: of numbers that say how good a frame is, the least and the largest of sound recordings, in ``unit``. It is
+        infinite where there is no limit. Reports put such numbers first.
     """
 
     title: str
@@ -42,8 +45,8 @@ class Meaning:
 class PerFrame:
     """Numbers per frame: ``values``, (n_frames, …), read-only; the others as in :class:`Meaning`.
 
-    Raises :class:`EndoctError` where a title or a unit is no short plain text, or something else than one flag a frame
-    says which frames can be trusted, or the usual range is none.
+    Raises :class:`EndoctError` where a title or a unit is no short plain text, or the usual range is none. Raises it
+    also where something else than one flag a frame says which frames can be trusted.
     """
 
     values: NDArray[Any]

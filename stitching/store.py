@@ -31,9 +31,10 @@ from endoct.stitching.per_frame import PerFrame, per_frame, stored_range
 def save_panorama(panorama: Panorama, path: Path) -> None:
     """Write ``panorama`` to ``path``, which must not exist (see :func:`endoct.base.files.output.new_output`).
 
-    Dims (z, theta) with coordinates in mm and rad; ``intensity``, ``valid``, ``weight``, ``depth_mm`` where there is
-    depth, ``parallax_depth_mm`` and ``parallax_error_mm`` where that was looked for; the per-frame quality on the dim
-    named ``frame_dim``, with what it means as ``units``, ``long_name`` and ``trusted_when``.
+    Dims are (z, theta), with coordinates in mm and rad. Arrays are ``intensity``, ``valid``, ``weight``, and
+    ``depth_mm`` where there is depth. Where parallax was looked for there are ``parallax_depth_mm`` and
+    ``parallax_error_mm`` too. The per-frame quality lies on the dim named ``frame_dim``, with what it means as
+    ``units``, ``long_name`` and ``trusted_when``.
     """
     arrays = {name: Named(*variable) for name, variable in panorama.variables().items()}
     frame_z = f"{panorama.frame_dim}_z_mm"

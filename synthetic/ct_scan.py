@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.files.nifti import nifti_header
-from endoct.modalities.ct.nifti import OUR_LABELS
+from endoct.modalities.ct.nifti import OUR_LABELS, nifti_header
 from endoct.modalities.ct.trajectory import Trajectory, as_point, write_line
 from endoct.synthetic.bone.anatomy import ANTRUM, COCHLEA, sinus_and_antrum, structures, target_mm
 from endoct.synthetic.bone.density import density_of

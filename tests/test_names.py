@@ -19,8 +19,6 @@ EXCEPTIONS = {
     "benchmarks/independent": {"one"},
     # these are still to be replaced
     "fusion/pose": {"n_told", "told"},
-    "modalities/ct": {"BESIDE", "BESIDE_VOXELS", "found", "what"},
-    "modalities/reading": {"_frames_told", "_shown", "found", "one", "what"},
     "tests/fusion": {"SEEN", "found", "one", "seen", "told"},
     "tests/workbench": {"SHOWN", "found", "one", "seen", "shown", "told", "what"},
     "workbench": {"found"},

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, cast
 from numba import njit
 from numba.core.caching import FunctionCache
 
-from endoct.base.compute.compiling import count_compiled
+from endoct.base.compute.own_process import count_compiled
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -15,13 +15,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def compiled(function: Function) -> Function:
     """Compile ``function`` at its first call, to run on one processor without the interpreter's lock.
 
-    A tenth of a second to one for each combination of types, which are those of elements, of dimensions and of order in
-    memory. Where a few lines do, write them: NumPy's ``sort``, ``median``, ``max`` and assignments of arrays to arrays
-    bring in much that is compiled as well.
+    That takes a tenth of a second to one for each combination of types: those of elements, of dimensions, and of order
+    in memory. Where a few lines do, write them: NumPy's ``sort``, ``median``, ``max`` and assignments of arrays to
+    arrays bring in much that is compiled as well.
 
-    The machine code is kept for later processes, beside the module or, where nothing can be written there, in the
-    user's cache folder; where that cannot be written either, or is full, every process compiles anew. What is kept but
-    damaged is made again. Floating-point operations keep the order in which they are written.
+    The machine code is kept for later processes, next to the module or, where nothing can be written there, in the
+    user's cache folder. Where that is full or cannot be written either, every process compiles anew. Damaged code is
+    made again. Floating-point operations keep the order in which they are written.
     """
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}  # no C calls it
     dispatcher: Any = njit(**options)(function)

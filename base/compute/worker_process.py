@@ -1,14 +1,15 @@
 """A process that calls functions for this one: threads of one process wait for one another where arrays are small.
 
-It is a program of its own: a fork is unsafe while threads run, and a child of ``multiprocessing`` would run the script
-of whoever calls the Python interface again. It starts before there is work for it, so that it is ready by then; it
-sends messages while a call is running, so that its progress can be shown; and it is killed with its context, whatever
-it is doing.
+It is a program of its own. A fork is unsafe while threads run, and a child of ``multiprocessing`` would run the script
+of a caller of the Python interface again. It starts before there is work for it, so that it is ready by then. While a
+call is running it sends messages, so that progress can be shown. It is killed with its context, whatever it is doing.
 
-Why not loky (3.7, measured on two cores)? It does without a fork and without the caller's script as well, but passes
-arrays of 10 and 100 MB in two times the time, is ready after 0.26 s instead of 0.12 s, looks for its own libraries in
-the working folder first, breaks the pool where an error cannot be unpickled, and has no messages from a running call:
-those, the errors and the end of the process would still be handled here.
+Why not loky (3.7, measured on two cores)? It does without a fork and without the caller's script as well, but:
+
+- it passes arrays of 10 and 100 MB in twice the time, and is ready after 0.26 s instead of 0.12 s;
+- it looks for its own libraries in the working folder first;
+- it breaks the pool where an error cannot be unpickled;
+- it has no messages from a running call. Those, the errors and the end of the process would still be handled here.
 """
 
 import contextlib
@@ -27,8 +28,7 @@ from importlib import import_module
 from threading import Lock
 from typing import IO, Any, TypeVar
 
-from endoct.base.cleanup import undone_in_the_end
-from endoct.base.compute.own_process import settle_in
+from endoct.base.compute.own_process import settle_in, undone_in_the_end
 from endoct.base.errors import EndoctError
 
 OUT_OF_MEMORY = 12
@@ -59,10 +59,10 @@ class WorkerProcess:
     def call(self, function: Callable[..., Out], *arguments: object, on_message: Send | None = None) -> "Future[Out]":
         """Have the process call ``function(*arguments)``; return at once.
 
-        Where ``on_message`` is given, the function takes a :data:`Send` as its first argument, and ``on_message`` is
-        called, by another thread than this one, with each message. The result raises what the function raised
-        (``MemoryError``, ``RecursionError``, ``OSError`` and :class:`EndoctError` as they are, others as
-        ``RuntimeError`` with the trace), and :class:`EndoctError` where the process has ended.
+        Where ``on_message`` is given, the function takes a :data:`Send` as its first argument. Then ``on_message`` is
+        called with each message, by another thread than this one. The result raises what the function raised:
+        ``MemoryError``, ``RecursionError``, ``OSError`` and :class:`EndoctError` as they are, others as
+        ``RuntimeError`` with the trace. It raises :class:`EndoctError` where the process has ended.
         """
         return self._requests.submit(self._answer, (function, arguments, on_message is not None), on_message)
 

@@ -1,8 +1,8 @@
 """What an output of endoct holds, written into it: by that it is known for endoct's own, whole and unaltered.
 
 A folder has a file ``endoct-output.json`` with its kind and the size and sha256 of every file in it. A part that is
-written anew by itself is not listed so but named: a folder with such a file of its own, or a page whose last line holds
-the digest of all before.
+written anew by itself is only named there. It is a folder with such a file of its own, or a page whose last line holds
+the digest of everything before it.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ SMALL_FILES = (
 )
 """An output is known by these: its list where it has one, and the files that say how its arrays came about."""
 SEALED_AT_ONCE = 8
-"""Files: hundreds of small ones wait for the disk, not for a processor."""
+"""So many files are digested at the same time: hundreds of small ones wait for the disk, not for a processor."""
 MOST_BYTES = 16_000_000
 """The list may have this many bytes. It takes some 100 for each file, and twenty times that in memory."""
 

@@ -1,4 +1,4 @@
-"""A user's files: opened with care, held against size limits, named safely, and digested.
+"""A user's files: opened with care, held against size limits, named safely, listed, and digested.
 
 Only regular files are opened, and small ones are read whole. Their states before and after say whether they stayed
 as they are while they were read. The size of an array that a file asks for is checked before memory is taken.
@@ -14,7 +14,7 @@ import re
 import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
 
@@ -260,3 +260,25 @@ def _below(folder: Path, before_each: Callable[[], None] | None) -> Iterator[Pat
 def path_text(path: Path | str) -> str:
     """Return a path as text that can be stored anywhere: bytes of a name that are no UTF-8 are written as ``\\xe9``."""
     return os.fsencode(path).decode("utf-8", "backslashreplace")
+
+
+def entries(folder: Path) -> list[Path]:
+    """Return what lies in ``folder``, but for hidden files. Raises :class:`EndoctError` where it cannot be listed."""
+    try:
+        return [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
+    except OSError as error:
+        raise EndoctError(f"{folder} cannot be listed", found=error.strerror or str(error)) from error
+
+
+def is_folder(path: Path) -> bool:
+    """Say whether ``path`` is a folder, as far as it can be seen."""
+    with suppress(OSError):
+        return path.is_dir()
+    return False
+
+
+def exists(path: Path) -> bool:
+    """Say whether there is anything at ``path``, as far as it can be seen."""
+    with suppress(OSError):
+        return path.exists()
+    return False

@@ -28,8 +28,8 @@ _ENTRY_BYTES = 1000
 def open_zip(path: Path, most_members: int, most_bytes: int, refusal: str) -> Iterator[zipfile.ZipFile]:
     """Open a ZIP file to read, stored or deflated; ``refusal`` is said of one that cannot be read.
 
-    Raises :class:`EndoctError` where it is none, has more than ``most_members``, which expand to more than
-    ``most_bytes`` in all, or are packed otherwise; also for whatever is raised while it is open.
+    Raises :class:`EndoctError` where it is none, has more than ``most_members``, expands to more than ``most_bytes`` in
+    all, or is packed in another way. Whatever is raised while it is open becomes one too.
     """
     with refusing(refusal), open_regular(path) as file:
         _check_list(file, path, most_members, refusal)

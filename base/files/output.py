@@ -48,10 +48,9 @@ def new_output(
     """Yield a scratch path; what the caller makes there, a file or a folder, becomes ``path`` if all goes well.
 
     A folder is sealed with its ``kind`` and contents. An existing output is replaced only with ``overwrite``, and only
-    where it is an output of that kind which holds nothing else and was not changed (a file: where ``is_ours``); at
-    every moment the old or the new stands there. Where something else stands there in the end, that stays, and what
-    was made is kept next to it. Raises :class:`EndoctError` as :func:`check_output` does, and where ``path`` cannot be
-    written.
+    where it is of that kind, holds nothing else and was not changed (a file: where ``is_ours``). At every moment the
+    old or the new stands there. Where something else stands there in the end, that stays, and what was made is kept
+    next to it. Raises :class:`EndoctError` as :func:`check_output` does, and where ``path`` cannot be written.
     """
     place = check_place(path, inputs)
     with suppress(OSError):  # what a run before this one had to leave, where it was killed
@@ -85,9 +84,12 @@ def check_output(
 ) -> Path:
     """Return where ``path`` leads, links resolved, if an output of that ``kind`` may be written there.
 
-    Raises :class:`EndoctError` where it is, contains or lies inside one of the ``inputs``; is or contains the present
-    folder or the user's home; is a mount point or a link to nothing; and where something is there already, unless
-    ``overwrite`` is set and it is what endoct wrote and nothing else. To be called before work is put into it.
+    Call it before any work is done. Raises :class:`EndoctError` where the path
+
+    - is, contains or lies inside one of the ``inputs``;
+    - is or contains the present folder or the user's home;
+    - is a mount point or a link to nothing;
+    - is there already, unless ``overwrite`` is set and it is what endoct wrote and nothing else.
     """
     place = check_place(path, inputs)
     _judged(place, kind, overwrite, is_ours)

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO, Any
 
-from endoct.base.cleanup import exchanging, undone_in_the_end
+from endoct.base.compute.own_process import exchanging, undone_in_the_end
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, read_contents, remove_listed, sync
 from endoct.base.files.files import read_start
@@ -59,8 +59,8 @@ def put_new(made: Path, place: Path) -> None:
 def exchange(made: Path, place: Path, aside: Path) -> Path:
     """Put ``made`` at ``place`` and return where what was there lies now: where ``made`` was, or at ``aside``.
 
-    At one stroke where the system can; else the old one is moved ``aside`` first, and back where the new one cannot
-    be put in its place.
+    The system exchanges them at one stroke where it can. Else the old one is moved ``aside`` first, and back where the
+    new one cannot be put in its place.
     """
     if _renameat2(made, place, _EXCHANGE):
         return made
@@ -157,8 +157,8 @@ class HeldError(Exception):
 def held(path: Path) -> Iterator[None]:
     """Hold the lock ``path``; the operating system lets go of it with the process, however that ends.
 
-    Raises :class:`HeldError` where another process holds it, and :class:`EndoctError` where something else lies there:
-    a link, or a file with another text, which is left as it is.
+    Raises :class:`HeldError` where another process holds it. Raises :class:`EndoctError` where something else lies
+    there, a link or a file with another text, which is left as it is.
     """
     handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o666)
     of = os.fstat(handle)

@@ -18,7 +18,7 @@ from endoct.base.files.files import BLOCK_BYTES, check_array_size, open_regular,
 
 ZIP_START = b"PK\3\4"
 MOST_LIST_BYTES = 8_000_000
-"""Of the list of members, which is read whole: some 100 000 of them."""
+"""The list of members, which is read whole, may have this many bytes: some 100 000 of them."""
 COPY = "copy it again"
 _END, _END_64, _LOCATOR_BYTES = struct.Struct("<4s4H2LH"), struct.Struct("<4sQ2H2L4Q"), 20
 _LOCAL = struct.Struct("<4s5H3L2H")

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import imagecodecs
 import numpy as np
 
 from endoct.base.errors import EndoctError, refusing
@@ -63,8 +64,6 @@ def _stated_zstd(data: bytes) -> int | None:
 
 
 def _expanded_zstd(data: bytes, most: int) -> int:
-    import imagecodecs
-
     try:
         return len(imagecodecs.zstd_decode(data, out=bytearray(most)))
     except imagecodecs.ZstdError as error:

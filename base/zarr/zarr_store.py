@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numcodecs
 import numpy as np
 import zarr
 from numpy.typing import DTypeLike, NDArray
@@ -36,9 +37,9 @@ _SLACK_BYTES = 65_536
 def check_array(array: Declared, *, whole: bool) -> None:
     """Check the sizes that ``array`` declares, then every chunk file against them.
 
-    ``whole``: every chunk must be there; else one that is missing is the fill value, as Zarr has it. Raises
-    :class:`EndoctError` for an array or a chunk above the limits, too many chunks, a chunk that is missing, is no
-    regular file, or expands to more than a chunk has.
+    ``whole``: every chunk must be there; else a missing one is the fill value, as Zarr has it. Raises
+    :class:`EndoctError` for sizes above the limits and too many chunks. Raises it also for a chunk that is missing, is
+    no regular file, or expands to more than a chunk has.
     """
     check_sizes(array)
     found = _files(array.folder)
@@ -145,8 +146,6 @@ def _check_encoded(array: Declared, data: bytes, n_bytes: int, file: Path) -> No
 
 def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Path) -> None:
     """Check how many texts a chunk states, for which memory is taken at once."""
-    import numcodecs
-
     expanded = bytes(numcodecs.get_codec({"id": compressor}).decode(data)) if compressor else data
     stated = struct.unpack_from("<I", expanded)[0] if len(expanded) >= 4 else -1
     if stated != math.prod(array.chunk):
@@ -154,7 +153,7 @@ def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Pat
 
 
 MOST_METADATA_BYTES = 16_000_000
-"""The root's hold those of all arrays, and the provenance."""
+"""Metadata may have this many bytes. The root's hold those of all arrays, and the provenance."""
 MOST_ARRAYS = 200
 DAMAGED = "copy the store again, or make it again"
 
@@ -180,16 +179,9 @@ def write_arrays(
     others = {"coordinates": " ".join(coordinates)} if coordinates else {}
     group = zarr.create_group(path, zarr_format=3, attributes={**attributes, **others})
     for name, array in arrays.items():
-        is_text = array.values.dtype.kind == "O"
-        made = new_array(
-            group,
-            name,
-            array.values.shape,
-            str if is_text else array.values.dtype,
-            array.dims,
-            chunks=array.chunks,
-            attributes=array.attributes,
-        )
+        sizes = dict(zip(array.dims, array.values.shape, strict=True))
+        dtype = str if array.values.dtype.kind == "O" else array.values.dtype
+        made = new_array(group, name, sizes, dtype, chunks=array.chunks, attributes=array.attributes)
         made[...] = array.values
     consolidate(path)
     return group
@@ -198,28 +190,27 @@ def write_arrays(
 def new_array(
     group: zarr.Group,
     name: str,
-    shape: tuple[int, ...],
+    sizes: Mapping[str, int],
     dtype: DTypeLike,
-    dims: tuple[str, ...],
     *,
     chunks: tuple[int, ...] | None = None,
     attributes: Mapping[str, str] | None = None,
     fill_value: float | None = None,
 ) -> Any:  # zarr.Array, whose type does not say what can be assigned
-    """Return a new array of ``group`` to be filled, every chunk of it: one that is missing is damage to a reader.
+    """Return a new array of ``group``, with ``sizes`` by dim, of which every chunk must be filled.
 
-    A chunk that holds nothing but the fill value is written too, and every chunk has a sum that reveals a bit that
-    fell over.
+    A missing chunk is damage to a reader, so that chunks of nothing but the fill value are written too. Every chunk has
+    a checksum, which reveals a bit that flipped.
     """
     filled: dict[str, Any] = {} if fill_value is None else {"fill_value": fill_value}
     return group.create_array(
         name,
-        shape=shape,
+        shape=tuple(sizes.values()),
         dtype=dtype,
         chunks=chunks or "auto",
         compressors=(ZstdCodec(level=0), Crc32cCodec()),
         **filled,
-        dimension_names=dims,
+        dimension_names=tuple(sizes),
         attributes=dict(attributes or {}),
         config={"write_empty_chunks": True},
     )
@@ -248,10 +239,10 @@ def read_array_attributes(path: Path, name: str) -> dict[str, Any]:
 def read_arrays(path: Path, names: Iterable[str] | None = None, *, together: int = 4) -> dict[str, NDArray[Any]]:
     """Return the arrays of a store that endoct wrote, all or those of ``names`` that are there.
 
-    They are found in the folder itself: consolidated metadata may say something else than the arrays'. What is no
-    array there, such as the list of what endoct wrote, is passed over. Raises :class:`EndoctError` for an array that
-    is not as endoct writes it, is larger than the limit, or lacks a chunk, and where all are larger than ``together``
-    times that limit, before memory is taken.
+    They are looked for in the folder itself: consolidated metadata may contradict the arrays'. What is no array, such
+    as the list of what endoct wrote, is passed over. Before memory is taken, raises :class:`EndoctError` for an array
+    that is not as endoct writes it, is larger than the limit, or lacks a chunk. All together may have ``together``
+    times that limit.
     """
     folders = {entry.name: Path(entry.path) for entry in entries(path) if entry.is_dir(follow_symlinks=False)}
     wanted = folders.keys() if names is None else [name for name in names if name in folders]

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, robust_sigmas
 from endoct.stitching.panorama import Panorama
 

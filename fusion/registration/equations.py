@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.geometry.alignment import Alignment

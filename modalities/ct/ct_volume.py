@@ -1,9 +1,11 @@
 """A CT, or a segmentation of one: its voxels, where in the patient they lie, and what its file says of them.
 
-Coordinates here are LPS as DICOM's: mm to the patient's left, to the back, to the head. A file may use another
-convention for its own numbers (NIfTI: RAS); :attr:`CtVolume.coordinates` says which. What a file is follows from its
-content. Why not SimpleITK? Its series reader holds neither positions nor orientations of slices against each other; it
-ends the process over a damaged header, and opens any file that a header names.
+Coordinates here are LPS, as in DICOM: mm to the patient's left, to the back, to the head. A file may use another
+convention for its own numbers (NIfTI: RAS); :attr:`CtVolume.coordinates` says which. The format of a file follows from
+its content.
+
+Why not SimpleITK? Its series reader does not compare positions and orientations of slices. A damaged header ends the
+process, and any file that a header names is opened.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,11 +33,11 @@ from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 MOST_LABELS = 64
 LABEL_SIGMA_VOXELS = 0.6
-"""Blur of a segmentation: takes its steps, leaves septa of one voxel."""
+"""A segmentation is blurred by this: it takes its steps, and leaves septa of one voxel."""
 MOST_SHEAR = 1e-3
-"""Cosine between two axes of voxels that counts as a right angle."""
+"""Two axes of voxels with a cosine up to this count as at right angles."""
 VOXELS_MM = (0.001, 20.0)
-"""Of a patient, or of a bone under a micro-CT; anything else is another unit."""
+"""Voxels of a patient, or of a bone in a micro-CT, have sizes between these; anything else is another unit."""
 _FORMATS: tuple[tuple[Callable[[Path], bool], Callable[[Path], StoredVolume]], ...] = (
     (is_nrrd, read_nrrd),
     (is_dicom, read_dicom),
@@ -48,8 +50,8 @@ _FORMATS: tuple[tuple[Callable[[Path], bool], Callable[[Path], StoredVolume]], .
 class CtVolume:
     """Voxels (k, j, i) of any number type; voxel [k, j, i] lies at ``origin_mm`` + (k, j, i) · ``steps_mm``, LPS.
 
-    Steps along i, j and k lie at right angles, except where a tilted gantry is known to have sheared the slices: then
-    k runs askew, and every voxel still lies where that says.
+    Steps along i, j and k lie at right angles, except where a tilted gantry is known to have sheared the slices. Then k
+    runs askew, and every voxel still lies where that says.
 
     Attributes
     ----------
@@ -94,8 +96,8 @@ def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:
     """Return the volume in a file or in a folder of DICOM.
 
     A file that does not say what its coordinates mean is taken to use those that are ``stated``. Raises
-    :class:`EndoctError` for what is no such volume, a sheared one, one whose slices lie unevenly or that does not say
-    where it lies, one with values that are no numbers, and one that needs too much memory.
+    :class:`EndoctError` for what is no such volume, or needs too much memory. Raises it also for one that is sheared,
+    whose slices lie unevenly, that does not say where it lies, or whose values are no numbers.
     """
     if not path.exists():
         found = "a link that leads nowhere" if path.is_symlink() else "no such file"

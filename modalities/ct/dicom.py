@@ -2,22 +2,151 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import DicomFile, dicom_files
-from endoct.modalities.ct.dicom_segmentation import is_segmentation, read_segmentation
-from endoct.modalities.ct.dicom_slices import Slice, slices_of
-from endoct.modalities.ct.dicom_voxels import stored_numbers
+from endoct.modalities.ct.dicom_files import DicomFile, dicom_files, named
+from endoct.modalities.ct.dicom_slices import (
+    Frame,
+    Slice,
+    axes_of,
+    frames_of,
+    position_of,
+    slices_of,
+    spacing_of,
+    stored_numbers,
+)
 from endoct.modalities.ct.slice_grid import SliceGrid, slice_grid
-from endoct.modalities.ct.stored import StoredVolume
+from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
 from endoct.modalities.dicom.dicom_file import reading_dicom
+
+if TYPE_CHECKING:
+    from pydicom import Dataset
+
+LABEL_MAP = "LABELMAP"
+MOST_SLICES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Frames on their grid: ``index`` of each along k."""
+
+    index: NDArray[np.intp]
+    origin_mm: Coordinates
+    steps_mm: Coordinates
+
+
+def is_segmentation(file: DicomFile) -> bool:
+    """Say whether a file is a Segmentation object."""
+    return file.text("Modality") == "SEG" or "SegmentSequence" in file.header
+
+
+def read_segmentation(file: DicomFile) -> StoredVolume:
+    """Return the segments of a Segmentation object; slices without a frame are empty.
+
+    Raises :class:`EndoctError` for a fractional one, for segments without a name or number, and where frames do not lie
+    on one even grid.
+    """
+    with reading_dicom(file.path):
+        kind = file.text("SegmentationType")
+        if kind not in ("BINARY", LABEL_MAP):
+            raise EndoctError(
+                f"{file.path} holds shares of segments, not segments",
+                found=f"SegmentationType {kind or 'not stated'}",
+                expected="BINARY or LABELMAP",
+                remedy="export it as a binary segmentation",
+            )
+        names = _names(file)
+        frames = list(frames_of(file))
+        placed = _placed(file, frames)
+        shape = int(placed.index.max()) + 1, int(file.header.Rows), int(file.header.Columns)
+        check_array_size(shape, 2, str(file.path))
+        numbers = stored_numbers(file)
+        if kind == LABEL_MAP:
+            voxels: NDArray[Any] = np.zeros(shape, numbers.dtype)
+            if np.unique(placed.index).size < placed.index.size:
+                raise EndoctError(f"{file.path} is no even volume", found="two frames at one place")
+            voxels[placed.index] = numbers
+            segments = tuple(Segment(label, name, (label,)) for label, name in names.items() if label != 0)
+        else:
+            masks = [(label, name, np.zeros(shape, np.bool_)) for label, name in names.items()]
+            by_label = {label: mask for label, _, mask in masks}
+            for frame, k, values in zip(frames, placed.index, numbers, strict=True):
+                by_label[_segment_of(frame, file, names)][k] |= values != 0
+            voxels, segments = layers_as_one(masks, shape, str(file.path))
+    return StoredVolume(
+        voxels=voxels,
+        origin_mm=placed.origin_mm,
+        steps_mm=placed.steps_mm,
+        coordinates="lps",
+        placed=True,
+        kind=f"DICOM Segmentation, {len(frames)} frames",
+        files=(file.path,),
+        segments=segments,
+    )
+
+
+def _names(file: DicomFile) -> dict[int, str]:
+    items: Sequence[Dataset] = file.header.get("SegmentSequence") or []
+    names = {int(item.SegmentNumber): str(item.get("SegmentLabel") or "").strip() for item in items}
+    if not names or len(names) < len(items):
+        raise EndoctError(
+            f"{file.path} does not say what its segments are", found=f"{len(names)} of {len(items)} numbers"
+        )
+    return names
+
+
+def _segment_of(frame: Frame, file: DicomFile, names: dict[int, str]) -> int:
+    number = frame.get("SegmentIdentificationSequence", "ReferencedSegmentNumber")
+    if number is None or int(number) not in names:
+        raise EndoctError(f"{file.path} has a frame of no segment", found=f"segment {number}")
+    return int(number)
+
+
+def _placed(file: DicomFile, frames: Sequence[Frame]) -> _Placed:
+    """Return where frames lie: a few of them may lie at one place, and places between them may be empty."""
+    name = str(file.path)
+    positions = np.array([position_of(frame, named(file.path, at)) for at, frame in enumerate(frames)])
+    axes = [axes_of(frame, named(file.path, at)) for at, frame in enumerate(frames)]
+    spacings = [spacing_of(frame, named(file.path, at)) for at, frame in enumerate(frames)]
+    if np.ptp(np.array(axes), axis=0).max() > 1e-6 or np.ptp(np.array(spacings), axis=0).max() > 1e-6:
+        raise EndoctError(f"{name} is no even volume", found="frames of several orientations or spacings")
+    row, column = axes[0]
+    normal = np.cross(row, column)
+    along = positions @ normal
+    first = int(np.argmin(along))
+    places = np.unique(np.round(along - along[first], 6))
+    apart = np.diff(places)
+    stated = frames[0].get("PixelMeasuresSequence", "SpacingBetweenSlices")
+    if stated is not None and 0 < float(stated) < 100:
+        between = float(stated)
+    elif places.size > 1:
+        between = float(apart[apart > PLACE_MM].min(initial=np.inf))
+    else:
+        between = np.inf
+    if not np.isfinite(between):
+        raise EndoctError(f"{name} is no volume", found="frames at one place", expected="frames at several places")
+    index = np.rint((along - along[first]) / between).astype(np.intp)
+    if index.max() >= MOST_SLICES:
+        raise EndoctError(f"{name} is no volume", found=f"{int(index.max())} slices", expected=f"{MOST_SLICES} at most")
+    off = np.linalg.norm(positions - (positions[first] + (index * between)[:, None] * normal), axis=1)
+    if off.max() > PLACE_MM:
+        worst = int(np.argmax(off))
+        raise EndoctError(
+            f"{name} is no even volume",
+            found=f"{named(file.path, worst)} {off[worst]:.3g} mm off the even grid of the others",
+            expected=f"every frame on one grid, to {PLACE_MM:g} mm",
+        )
+    steps = np.array([between * normal, spacings[0][0] * column, spacings[0][1] * row])
+    return _Placed(index, positions[first], steps)
 
 
 def read_dicom(path: Path) -> StoredVolume:

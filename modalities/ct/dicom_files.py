@@ -1,7 +1,7 @@
 """The DICOM files in a folder, or one of them: which belong to a volume, and their headers, by pydicom.
 
 Why not highdicom, which makes volumes too (0.28)? It takes slices for even where their distances vary by up to 1 %,
-0.6 mm over a head; it says only that they are no volume, and not which slice it is; and it knows no tilted gantry.
+0.6 mm over a head. It says only that they are no volume, and not which slice is wrong. It knows no tilted gantry.
 """
 
 import stat
@@ -24,9 +24,9 @@ NO_DICOM_SUFFIXES = frozenset(
      ".yml", ".jpg", ".jpeg", ".png", ".gif", ".bmp", ".tif", ".tiff", ".zip", ".exe", ".dll", ".ctbl", ".label",
      ".fcsv", ".nii", ".gz", ".nrrd", ".mha", ".mhd", ".raw", ".py", ".sh")
 )  # fmt: skip
-"""Of files that may lie next to slices. Another file that is no DICOM may be a damaged slice."""
+"""Files with these suffixes may lie next to slices. Any other file that is no DICOM may be a damaged slice."""
 LOOKED_AT = 50
-"""Files of a folder, until it is said that it holds no DICOM."""
+"""So many files of a folder are looked at before it counts as one without DICOM."""
 SCOUT, DIRECTORY = "LOCALIZER", "1.2.840.10008.1.3.10"
 KEYWORDS = (
     "SpecificCharacterSet", "ImageType", "SOPClassUID", "SOPInstanceUID", "Modality", "SeriesDescription",
@@ -74,8 +74,8 @@ def dicom_in(folder: Path) -> bool:
 def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
     """Return the images of one series, in a folder or a file, with their headers, and notes on what was left out.
 
-    Scouts, and what is no image, are left out. Raises :class:`EndoctError` where a file may be a damaged slice, where
-    there is something that cannot be read, and where there is no series or more than one.
+    Scouts, and what is no image, are left out. Raises :class:`EndoctError` where a file may be a damaged slice or
+    cannot be read, and where there is no series or more than one.
     """
     paths, aside = _candidates(path) if path.is_dir() else ([path], [])
     files = [file for entry in paths if (file := read_header(entry)).text("SOPClassUID") != DIRECTORY]
@@ -140,9 +140,9 @@ def _is_text(start: bytes) -> bool:
     return all(letter.isprintable() or letter in "\r\n\t" for letter in text) and len(text) > len(start) / 2
 
 
-def _unreadable(path: Path, found: str) -> EndoctError:
+def _unreadable(path: Path, reason: str) -> EndoctError:
     return EndoctError(
-        f"{path} is no slice", found=found, expected="slices only", remedy="copy the series again, or remove that file"
+        f"{path} is no slice", found=reason, expected="slices only", remedy="copy the series again, or remove that file"
     )
 
 

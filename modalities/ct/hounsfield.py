@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 from endoct.base.doubt import Doubt
 
 LEAST_HU = -500.0
-"""A volume that holds less than that has Hounsfield units."""
+"""A volume that holds values below this has Hounsfield units."""
 BONE_HU = 300.0
 LEAST_BONE = 1e-4
-"""Share of voxels that are bone, at least."""
+"""At least this share of the voxels is bone."""
 DARKEST_HU, DARK_SHARE, FEWEST_DARK = -850.0, 0.1, 10
-"""What the darkest tenth of air reaches; in cells of a mastoid most voxels hold some bone."""
+"""The darkest tenth of the air reaches down to this. In cells of a mastoid most voxels hold some bone."""
 AIR_HU = (-1100.0, -600.0)
-"""Where most of what is darker than the second lies, at least: air, with scanners 24 HU or more apart."""
+"""Most of what is darker than the second lies above the first, and is air. Scanners differ by 24 HU or more."""
 TOO_LOW_HU, MOST_TOO_LOW = -1400.0, 0.005
-"""No tissue is that dark, and noise and metal only in places."""
+"""No tissue is darker than the first. Noise and metal are, in no more than the second share of the voxels."""
 PEAKED, WIDTH_HU = 0.6, 100.0
-"""Share of a kind of voxels within so much of one value: so is air, and bone is not."""
+"""Of the air, more than the first share lies within the second of one value. Bone does not."""
 PERHAPS = "Its values may be shifted or inverted."
 SAMPLE = 4_000_000
 MOST_COPIES = 0.1
-"""Share of slices: where more are the same, it is a phantom."""
+"""Where a larger share of the slices than this is the same, it is a phantom."""
 
 
 def hounsfield_doubts(voxels: NDArray[Any], name: str) -> tuple[Doubt, ...]:

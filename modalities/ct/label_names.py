@@ -13,18 +13,18 @@ from endoct.base.files.files import read_small
 OUR_NAMES: Mapping[int, str] = MappingProxyType(
     {1: "bone", 2: "facial nerve", 3: "chorda tympani", 4: "cochlea", 5: "sigmoid sinus", 6: "antrum"}
 )
-"""Of labels as the simulator writes them."""
+"""The simulator writes labels with these names."""
 OUR_TABLE = "endoct"
-"""Stated in place of a table: labels are those of :data:`OUR_NAMES`."""
+"""It is stated in place of a table: labels are those of :data:`OUR_NAMES`."""
 VOLUME_SUFFIXES = (".nii.gz", ".seg.nrrd", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
-BESIDE = ("{stem}_ColorTable.ctbl", "{stem}.ctbl", "{stem}.csv", "{stem}.label", "{stem}.txt")
-"""Names of a table next to a segmentation."""
+TABLE_NAMES = ("{stem}_ColorTable.ctbl", "{stem}.ctbl", "{stem}.csv", "{stem}.label", "{stem}.txt")
+"""A table next to a segmentation has one of these names."""
 TABLE_SUFFIXES = (".ctbl", ".csv", ".label", ".txt")
 MOST_LABELS = 10_000
 LARGEST_LABEL = 65_535
 EXPECTED = "a color table of 3D Slicer (.ctbl, .csv), or label descriptions of ITK-SNAP (.label, .txt)"
 NO_NAMES = re.compile(r"(clear label|background|label ?\d+|segment_?\d+|\(none\)|none|)", re.IGNORECASE)
-"""Names that programs give where nobody did."""
+"""Programs give these names where nobody gave one."""
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)")
 
 
@@ -36,7 +36,7 @@ def table_next_to(volume: Path) -> Path | None:
     lower = volume.name.lower()
     suffix = next((end for end in VOLUME_SUFFIXES if lower.endswith(end)), "")
     stem = volume.name[: len(volume.name) - len(suffix)]
-    there = [path for name in BESIDE if (path := volume.with_name(name.format(stem=stem))).is_file()]
+    there = [path for name in TABLE_NAMES if (path := volume.with_name(name.format(stem=stem))).is_file()]
     # a text file may be about anything
     tables = [path for path in there if path.suffix not in (".txt", ".csv") or _looks_like_a_table(path)]
     if len(tables) > 1:

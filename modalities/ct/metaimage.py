@@ -13,8 +13,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.raw_voxels import named_file, read_voxels
-from endoct.modalities.ct.stored import AXES, StoredVolume
+from endoct.modalities.ct.stored import AXES, StoredVolume, named_file, read_voxels
 
 MOST_HEADER = 64_000
 LAST_KEY = "elementdatafile"

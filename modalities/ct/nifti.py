@@ -1,4 +1,7 @@
-"""NIfTI: header by nibabel; units, qform and sform taken for what they say."""
+"""NIfTI: volumes read, with units, qform and sform taken for what they say, and the header of one to be written.
+
+Headers are read and made by nibabel.
+"""
 
 import gzip
 import math
@@ -13,20 +16,19 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.raw_voxels import read_voxels
-from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume
+from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume, read_voxels
 
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
 SHORTEST, FARTHEST = 348, 1_000_000_000
-"""Bytes before the voxels."""
+"""So many bytes come before the voxels, at least and at most."""
 UNITS_MM = {1: 1000.0, 2: 1.0, 3: 1e-3}
-"""Of ``xyzt_units``: m, mm, µm."""
+"""The units of ``xyzt_units`` are m, mm and µm."""
 APART_VOXELS = 0.1
-"""How far sform and qform may lie apart with a doubt, of the smallest voxel."""
+"""An sform and a qform may lie this far apart with a doubt, in sizes of the smallest voxel."""
 SINGLE, PAIR = (b"n+1\0", b"n+2\0"), (b"ni1\0", b"ni2\0")
 OUR_LABELS = "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum"
-"""The description of label maps that the simulator writes."""
+"""Label maps that the simulator writes have this description."""
 
 
 def is_nifti(path: Path) -> bool:
@@ -109,7 +111,7 @@ def _shape(header: Any, path: Path) -> tuple[int, int, int]:
 
 
 def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coordinates, bool, list[str], list[Doubt]]:
-    """Return the matrix (4, 4) of (i, j, k) to RAS in mm, whether the file has one, and what is to be said of it."""
+    """Return the matrix (4, 4) of (i, j, k) to RAS in mm, whether the file has one, and notes and doubts on it."""
     unit = int(header["xyzt_units"]) & 7
     if unit not in (0, *UNITS_MM):
         raise EndoctError(f"{path} does not say its unit", found=f"code {unit}", expected="1 m, 2 mm or 3 µm")
@@ -173,9 +175,9 @@ def _qform(header: Any, steps: Coordinates, path: Path) -> Coordinates:
     return _checked(matrix, "qform", path)
 
 
-def _checked(matrix: Coordinates, what: str, path: Path) -> Coordinates:
+def _checked(matrix: Coordinates, form: str, path: Path) -> Coordinates:
     if not np.all(np.isfinite(matrix)):
-        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{what} with numbers that are none")
+        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{form} with numbers that are none")
     return matrix
 
 
@@ -200,3 +202,33 @@ def _scaled(header: Any, stored: NDArray[Any]) -> NDArray[Any]:
         small = limits.min <= int(values.min()) and int(values.max()) <= limits.max
         return values.astype(np.int16) if small else values
     return (stored * np.float64(slope) + np.float64(inter)).astype(np.float32)
+
+
+DATA_AT = 352
+"""The voxels begin at this byte, i fastest."""
+
+
+def nifti_header(
+    shape: tuple[int, int, int], dtype: np.dtype[np.generic], to_ras: Coordinates, name: str, text: str = ""
+) -> bytes:
+    """Return the header of a volume of ``shape`` (i, j, k), whose index ``to_ras`` (4, 4) takes to RAS in mm.
+
+    Its axes lie at right angles. ``name``: of the coordinates, 15 letters at most; ``text``: a description, 79. Raises
+    :class:`EndoctError` for numbers that NIfTI does not hold.
+    """
+    from nibabel.nifti1 import Nifti1Header  # takes a while to load
+    from nibabel.spatialimages import HeaderDataError
+
+    header: Any = Nifti1Header(endianness="<")  # type: ignore[no-untyped-call]
+    try:
+        header.set_data_dtype(dtype)
+    except HeaderDataError as error:
+        raise EndoctError(f"NIfTI holds no {np.dtype(dtype)}", remedy="export NRRD") from error
+    header.set_data_shape(shape)
+    header.set_sform(to_ras, "scanner")
+    header.set_qform(to_ras, "scanner")
+    header.set_xyzt_units("mm")
+    header["pixdim"][4:] = 0
+    header["vox_offset"], header["magic"] = DATA_AT, b"n+1"
+    header["intent_name"], header["descrip"] = name.encode("ascii"), text.encode("ascii")
+    return bytes(header.binaryblock).ljust(DATA_AT, b"\0")

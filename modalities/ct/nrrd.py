@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.raw_voxels import named_file, read_voxels
-from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one
+from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one, named_file, read_voxels
 
 MAGIC = re.compile(rb"NRRD000\d\r?\n")
 MOST_HEADER = 1_000_000
@@ -26,7 +25,7 @@ SPACES: Mapping[str, tuple[Convention | None, tuple[float, float, float]]] = {
     "left-anterior-superior": (None, (1.0, -1.0, 1.0)),
     "las": (None, (1.0, -1.0, 1.0)),
 }
-"""By name: the convention it is, and by what its x, y and z are multiplied to have those of LPS."""
+"""A space is one of these conventions. Its x, y and z times the numbers are those of LPS."""
 UNITS_MM = {
     "": 1.0, "mm": 1.0, "millimeter": 1.0, "millimeters": 1.0, "millimetre": 1.0, "cm": 10.0, "m": 1000.0,
     "meter": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3,

@@ -13,15 +13,15 @@ from endoct.modalities.ct.dicom_slices import ALIKE, IN_BLOCKS, Slice
 from endoct.modalities.ct.stored import PLACE_MM, odd_ones
 
 FEWEST = 3
-"""Slices; of two nobody could say that they are even."""
+"""A volume has at least so many slices; of two nobody could say that they are even."""
 ROUNDED_MM = 0.05
-"""How far slices may lie off their grid where positions are written with so few digits, at most."""
+"""Slices may lie this far off their grid, at most, where positions are written with few digits."""
 MOST_ASKEW_DEG = 40.0
-"""Of slices against the line they lie on; gantries tilt by up to 30°."""
+"""Slices may lie this far askew to their line; gantries tilt by up to 30°."""
 TILT_APART_DEG = 0.5
-"""By how much a stated tilt may differ from that of the positions."""
+"""A stated tilt may differ from that of the positions by this much."""
 GAP = 1.5
-"""Distances of slices, times the usual, from which one is missing."""
+"""Where slices lie more than this many usual distances apart, one is missing."""
 MOST_MIXED = 4
 
 
@@ -220,5 +220,5 @@ def _tilt(
     return True, [], [Doubt("ct-slices-askew", said, value=measured, unit="°", expected=by_header)]
 
 
-def _refused(name: str, found: str, expected: str, remedy: str = "") -> EndoctError:
-    return EndoctError(f"{name} is no even volume", found=found, expected=expected, remedy=remedy)
+def _refused(name: str, actual: str, expected: str, remedy: str = "") -> EndoctError:
+    return EndoctError(f"{name} is no even volume", found=actual, expected=expected, remedy=remedy)

@@ -1,7 +1,14 @@
-"""What a file says of a volume: its voxels, where they lie, what they are called. Every reader returns it."""
+"""What a file says of a volume: its voxels, where they lie, what they are called. Every reader returns it.
 
-from collections.abc import Mapping, Sequence
+Voxels lie after a header, or in a file that it names, plain or compressed; never more are read than were declared.
+"""
+
+import bz2
+import os
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,14 +18,15 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import inside
 
 Convention = Literal["ras", "lps"]
 SIGNS: dict[Convention, tuple[float, float, float]] = {"lps": (1.0, 1.0, 1.0), "ras": (-1.0, -1.0, 1.0)}
-"""By what x, y and z of LPS are multiplied to have those of a convention."""
+"""Multiplied by these, x, y and z of LPS are those of a convention."""
 SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".dcm")
 EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
-"""How far a voxel may lie from where its file says."""
+"""A voxel may lie this far from where its file says."""
 AXES = 3
 
 
@@ -61,16 +69,16 @@ class StoredVolume:
 
 
 def layers_as_one(
-    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], what: str
+    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], subject: str
 ) -> tuple[NDArray[np.uint16], tuple[Segment, ...]]:
     """Return segments that may overlap, (label, name, mask) each, as one volume of numbers, and what these stand for.
 
     A number stands for a set of segments: a label where it is only one, a new number where several overlap. Raises
-    :class:`EndoctError`, naming ``what``, where there are more such sets than numbers, or a label is too large.
+    :class:`EndoctError`, naming ``subject``, where there are more such sets than numbers, or a label is too large.
     """
     most = np.iinfo(np.uint16).max
     if any(not 0 < label <= most for label, _, _ in masks):
-        raise EndoctError(f"a label of {what} cannot be used", expected=f"whole numbers from 1 to {most}")
+        raise EndoctError(f"a label of {subject} cannot be used", expected=f"whole numbers from 1 to {most}")
     voxels = np.zeros(shape, np.uint16)
     sets: dict[frozenset[int], int] = {frozenset(): 0}
     sets |= {frozenset([label]): label for label, _, _ in masks}
@@ -81,7 +89,7 @@ def layers_as_one(
             together = content[before] | {label}
             if together not in sets:
                 if following > most:
-                    raise EndoctError(f"the segments of {what} overlap in too many ways")
+                    raise EndoctError(f"the segments of {subject} overlap in too many ways")
                 sets[together], content[following] = following, together
                 following += 1
             voxels[mask & (voxels == before)] = sets[together]
@@ -101,3 +109,68 @@ def odd_ones(names: Sequence[str], most: int = 3) -> str:
     """Return some names for a message: "a.dcm, b.dcm and 4 more"."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(names[:most])}{more}"
+
+
+BLOCK_BYTES = 1 << 20
+
+
+def named_file(header: Path, name: object) -> Path:
+    """Return the file of voxels that a header names, in its own folder.
+
+    Raises :class:`EndoctError` for any other place, and for a list or a pattern of files.
+    """
+    if not isinstance(name, str) or not name or name.split()[0].upper() == "LIST" or "%" in name:
+        raise EndoctError(
+            f"{header} has its voxels in several files",
+            found=f"{name!r}"[:60],
+            expected="one file",
+            remedy="save it as one file, .nrrd or .mha",
+        )
+    if "/" in name or "\\" in name:
+        raise EndoctError(
+            f"{header} names a file that does not lie next to it",
+            found=f"{name!r}"[:80],
+            expected="the name of a file in its folder",
+            remedy="save it as one file, .nrrd or .mha",
+        )
+    return inside(header.parent, name, str(header))
+
+
+def read_voxels(
+    file: BufferedReader, path: Path, count: int, dtype: np.dtype[Any], packing: str, skip: int = 0
+) -> NDArray[Any]:
+    """Return ``count`` numbers from where ``file`` stands, in the machine's order of bytes.
+
+    ``packing``: raw, zlib (gzip's framing or zlib's), bzip2. ``skip``: bytes to leave out before them, after unpacking;
+    −1: as many as there are too many in all. Raises :class:`EndoctError` where there are fewer, or more: then the
+    header does not fit them.
+    """
+    wanted = count * dtype.itemsize
+    if packing == "raw":
+        size = os.fstat(file.fileno()).st_size
+        file.seek(max(0, size - wanted) if skip == -1 else file.tell() + skip)
+        data = memoryview(file.read(wanted + 1))
+    else:
+        unpacked = bytearray()
+        for piece in _unpacked(file, packing, wanted + max(skip, 0)):  # all, so that a checksum at its end is compared
+            unpacked += piece
+        data = memoryview(unpacked)[-wanted:] if skip == -1 else memoryview(unpacked)[skip:]
+    if len(data) != wanted:
+        found = f"{len(data)} bytes of voxels" if len(data) < wanted else f"more than {wanted} bytes of voxels"
+        what = "is cut off" if len(data) < wanted else "has other voxels than its header says"
+        raise EndoctError(f"{path} {what}", found=found, expected=f"{wanted}", remedy="copy it again, or save it anew")
+    return np.frombuffer(data, dtype).astype(dtype.newbyteorder("="), copy=False)
+
+
+def _unpacked(file: BufferedReader, packing: str, most: int) -> Iterator[bytes]:
+    """Yield what a compressed stream holds, up to one byte more than ``most``; it has to be whole."""
+    stream: Any = zlib.decompressobj(32 + zlib.MAX_WBITS) if packing == "zlib" else bz2.BZ2Decompressor()
+    left, rest = most + 1, b""
+    while not stream.eof and left > 0:
+        piece = rest or file.read(BLOCK_BYTES)
+        if not piece and getattr(stream, "needs_input", True):
+            raise ValueError("compressed voxels that are cut off")
+        data = stream.decompress(piece, min(left, BLOCK_BYTES))
+        rest = getattr(stream, "unconsumed_tail", b"")
+        left -= len(data)
+        yield data

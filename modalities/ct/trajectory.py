@@ -72,18 +72,18 @@ ENDS = ("entry", "target")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
 FARTHEST_MM = 1e5
 PLACED = "defined"
-"""The status of a point that somebody placed."""
+"""A point that somebody placed has this status."""
 _SCHEMA = (
     "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
     "markups-schema-v1.0.3.json#"
 )
 _CONVENTIONS: dict[object, Convention] = {"LPS": "lps", "RAS": "ras"}
 _OF_FCSV: dict[str, Convention] = {"lps": "lps", "ras": "ras", "0": "ras", "1": "lps"}
-"""By the header's CoordinateSystem: by name from Slicer 4.11 on, by number before."""
+"""The header's CoordinateSystem is a name from Slicer 4.11 on, and was a number before."""
 _FCSV_COLUMNS = ("id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatednodeid")
 _TURN = ("ow", "ox", "oy", "oz")
 _FCSV_STATUS = {"0": "undefined", "1": "preview", "2": PLACED, "3": "missing"}
-"""By the number that Slicer 5 writes after these columns and one more."""
+"""Slicer 5 writes the status as a number, after these columns and one more."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +158,8 @@ def _of_json(path: Path) -> tuple[list[_Control], Convention]:
     convention = _CONVENTIONS.get(stated) if isinstance(stated, str) else None
     if convention is None:
         raise _unsaid(path, f"coordinateSystem {stated!r}")
-    units = _units(markup.get("coordinateUnits", "mm"))
+    units = markup.get("coordinateUnits", "mm")
+    units = units if isinstance(units, list) else [units]
     if not units or any(unit != "mm" for unit in units):
         raise EndoctError(f"{path} is not in mm", found=f"{markup['coordinateUnits']!r}"[:60])
     return [_control(point, path) for point in points], convention
@@ -209,17 +210,13 @@ def _field(header: Sequence[str], name: str) -> str:
     return found[0] if len(found) == 1 else ""
 
 
-def _unsaid(path: Path, found: str) -> EndoctError:
+def _unsaid(path: Path, stated: str) -> EndoctError:
     return EndoctError(
         f"{path} does not say whether its coordinates are RAS or LPS",
-        found=found[:60],
+        found=stated[:60],
         expected="'LPS' or 'RAS'",
         remedy="save it with 3D Slicer 5",
     )
-
-
-def _units(stated: object) -> list[object]:
-    return list(stated) if isinstance(stated, list) else [stated]
 
 
 def _place(point: _Control, convention: Convention, path: Path) -> Point:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,9 +19,9 @@ JPEG_LS = frozenset(f"{_SYNTAX}.4.{number}" for number in (80, 81))
 JPEG_2000 = frozenset(f"{_SYNTAX}.4.{number}" for number in (90, 91))
 READ = "uncompressed DICOM, RLE, JPEG, JPEG-LS or JPEG 2000"
 MOST_SCANS = 50
-"""Of a progressive JPEG; usual ones have 10. Each goes over the whole image."""
+"""A progressive JPEG may have this many scans; usual ones have 10. Each goes over the whole image."""
 _FRAMES_OF_JPEG = frozenset({*range(0xC0, 0xD0), 0xF7}) - {0xC4, 0xC8, 0xCC}
-"""Markers whose segments state the size of a picture, JPEG-LS's included."""
+"""Segments with these markers state the size of a picture, JPEG-LS's included."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,6 @@ def _size(picture: bytes) -> tuple[int, int]:
 
 
 def _jpeg(picture: bytes, stated: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     if picture.count(b"\xff\xda") > MOST_SCANS:
         raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
     if stated.samples == 1:
@@ -94,27 +93,7 @@ def _jpeg(picture: bytes, stated: Stated) -> NDArray[Any]:
     return np.asarray(imagecodecs.jpeg8_decode(picture, colorspace=stored, outcolorspace="RGB"))
 
 
-def _jpeg_lossless(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
-    return np.asarray(imagecodecs.jpeg_decode(picture))
-
-
-def _jpeg_ls(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
-    return np.asarray(imagecodecs.jpegls_decode(picture))
-
-
-def _jpeg_2000(picture: bytes, _: Stated) -> NDArray[Any]:
-    import imagecodecs
-
-    return np.asarray(imagecodecs.jpeg2k_decode(picture))
-
-
 def _rle(picture: bytes, stated: Stated) -> NDArray[Any]:
-    import imagecodecs
-
     dtype = np.dtype(f"<u{stated.bits // 8}")
     room = bytearray(stated.rows * stated.columns * stated.samples * dtype.itemsize)
     imagecodecs.dicomrle_decode(picture, dtype, out=room)
@@ -122,6 +101,10 @@ def _rle(picture: bytes, stated: Stated) -> NDArray[Any]:
     return planes[0] if stated.samples == 1 else np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
-_DECODERS = (
-    (RLE, _rle), (JPEG, _jpeg), (JPEG_LOSSLESS, _jpeg_lossless), (JPEG_LS, _jpeg_ls), (JPEG_2000, _jpeg_2000),
-)  # fmt: skip
+_DECODERS: tuple[tuple[frozenset[str], Callable[[bytes, Stated], NDArray[Any]]], ...] = (
+    (RLE, _rle),
+    (JPEG, _jpeg),
+    (JPEG_LOSSLESS, lambda picture, _: np.asarray(imagecodecs.jpeg_decode(picture))),
+    (JPEG_LS, lambda picture, _: np.asarray(imagecodecs.jpegls_decode(picture))),
+    (JPEG_2000, lambda picture, _: np.asarray(imagecodecs.jpeg2k_decode(picture))),
+)

@@ -30,19 +30,19 @@ WITHOUT_PREAMBLE = (
     b"\x08\x00\x00\x00",
     b"\x02\x00\x00\x00",
 )
-"""What the first element of DICOM without a preamble is, as old archives wrote it: little endian."""
+"""DICOM without a preamble, as old archives wrote it, begins with one of these elements: little endian."""
 DEFLATED = "1.2.840.10008.1.2.1.99"
 _STORAGE = "1.2.840.10008.5.1.4.1.1"
 OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING = f"{_STORAGE}.14.1", f"{_STORAGE}.14.2"
 ULTRASOUND = frozenset(f"{_STORAGE}.{end}" for end in ("3", "3.1", "6", "6.1"))
 ENDOSCOPIC = frozenset(f"{_STORAGE}.{end}" for end in ("77.1.1", "77.1.1.1"))
-"""Images, and a video."""
+"""These are the classes of images, and of a video."""
 CAPTURES = frozenset(f"{_STORAGE}.{end}" for end in ("7.2", "7.3", "7.4"))
-"""Secondary captures of many frames."""
+"""These are the classes of secondary captures of many frames."""
 OF_CAMERAS = ("ES", "XC", "GM", "OT", "SC", "")
-"""Modalities of captures that are pictures: endoscopy, photographs, microscopy, others. Those of a CT are a volume."""
+"""Captures of these modalities are pictures: endoscopy, photographs, microscopy, others. Those of a CT are a volume."""
 IN_VESSELS = ("IVOCT", "IVUS", "OCT")
-"""Modalities of catheters that turn in vessels; ophthalmic OCT is "OPT"."""
+"""Catheters that turn in vessels have these modalities; ophthalmic OCT is "OPT"."""
 _LAST_OF_KIND = 0x0008_0060
 
 

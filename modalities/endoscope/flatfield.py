@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.base.numeric.ranks import quantile, robust_sigma
 
 WALL_QUANTILE = 0.6

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, readonly
 from endoct.base.errors import EndoctError, NotSeen
+from endoct.base.files.files import exists
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, Preview, Sniff, inward_positions_mm
 from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import (
     IMAGE_SUFFIXES,

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
+from endoct.base.compute.memory import Kept, Room
 from endoct.base.compute.parallel import thread_map
-from endoct.base.compute.room import Room
-from endoct.base.compute.spool import Kept
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, Annulus, Followed, follow

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.frame_cache import kept_frames
 

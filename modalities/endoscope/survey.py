@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.compute.spool import Computed, Kept
+from endoct.base.compute.memory import Computed, Kept
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError

@@ -29,7 +29,7 @@ from endoct.modalities.endoscope.tube_marks import (
     on_tube,
 )
 from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import Pose
+from endoct.modalities.tube.locating import Pose, check_rings, clear_pose
 from endoct.modalities.tube.measurement import (
     KeyValue,
     Measurement,
@@ -38,7 +38,6 @@ from endoct.modalities.tube.measurement import (
     doubts_of_origin,
     doubts_of_travel,
 )
-from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 BY_FEED = np.arange(0.86, 1.141, 0.02)

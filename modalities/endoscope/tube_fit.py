@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import wrap_rad
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.modalities.endoscope.tube_marks import HELICAL, Marks
-from endoct.modalities.tube.fitting import LEAST_SIGMA, SIGMA_PER_MEDIAN, STRAY_SIGMAS, Fit, fit_model
+from endoct.modalities.tube.fitting import LEAST_SIGMA, STRAY_SIGMAS, Fit, fit_model
 from endoct.modalities.tube.target import Target
 
 ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 1.2, 0.02

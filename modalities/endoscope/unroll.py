@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask, read_view
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import DARKEST, UNSEEN, green, least_saturated

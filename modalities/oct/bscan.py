@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.base.numeric.ranks import quantiles
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.frame_cache import kept_frames

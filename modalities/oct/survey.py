@@ -7,8 +7,8 @@ from typing import cast
 import numpy as np
 
 from endoct.base.arrays import Coordinates
+from endoct.base.compute.memory import Computed, Kept
 from endoct.base.compute.parallel import at_once, thread_map
-from endoct.base.compute.spool import Computed, Kept
 from endoct.base.errors import NotSeen
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of

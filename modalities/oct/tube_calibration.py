@@ -29,7 +29,7 @@ from endoct.modalities.oct.tube_fit import (
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
 from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import COLUMNS, Pose
+from endoct.modalities.tube.locating import COLUMNS, Pose, check_rings, clear_pose
 from endoct.modalities.tube.measurement import (
     KeyValue,
     Measurement,
@@ -38,7 +38,6 @@ from endoct.modalities.tube.measurement import (
     doubts_of_origin,
     doubts_of_travel,
 )
-from endoct.modalities.tube.recognition import check_rings, clear_pose
 from endoct.modalities.tube.target import Target
 
 N_BEAMS = 1024

@@ -203,8 +203,8 @@ def write_volume(stream: FrameStream, calibration: OctCalibration, store: Path) 
         "radius": Named(("depth",), radii, {"units": "mm"}),
     }
     group = write_arrays(store / "volume", arrays, {"radius_mm": grid.radius_mm}, coordinates=["radius"])
-    shape = grid.n_z, grid.n_theta, radii.size
-    array = new_array(group, "intensity", shape, dtype, ("z", "theta", "depth"), chunks=(1, *shape[1:]))
+    sizes = {"z": grid.n_z, "theta": grid.n_theta, "depth": radii.size}
+    array = new_array(group, "intensity", sizes, dtype, chunks=(1, grid.n_theta, radii.size))
     rows = np.searchsorted(calibration.row_z_mm, calibration.slice_z_mm)
     slices: Iterable[Image] = thread_map(partial(resample, calibration=calibration, radii_mm=radii), stream)
     for row, samples in zip(rows, slices, strict=True):

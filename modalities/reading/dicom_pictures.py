@@ -18,16 +18,15 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.dicom.dicom_file import ENDOSCOPIC, kind_of
 from endoct.modalities.dicom.samples import DicomImage, ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, opened_recording
-from endoct.modalities.reading.file_part import FilePart
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.video import STAMP_JITTER, ReadVideo
-from endoct.modalities.reading.video_container import container_of
+from endoct.modalities.reading.video_container import FilePart, container_of
 
 KEYWORDS = ("FrameTime", "FrameTimeVector", "CineRate", "BurnedInAnnotation")
 ALIKE = 0.02
-"""Share by which two frame rates may differ."""
+"""Two frame rates may differ by this share and count as the same."""
 
 
 @dataclass(frozen=True, eq=False)

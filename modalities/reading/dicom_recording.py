@@ -1,8 +1,8 @@
 """The DICOM files of one recording: one of many frames, or a frame each, in the order that they state.
 
 Files of a frame each are ordered by their instance numbers. Where they also say where, or when, each was taken, that
-must agree. An element of a frame lies in its own functional groups, in those that all frames share, or, where files
-have a frame each, in the header itself.
+must agree. An element of a frame lies in its own functional groups, or in those that all frames share. Where files have
+a frame each, it lies in the header itself.
 """
 
 import re
@@ -29,7 +29,7 @@ ORDER = (
     "AcquisitionTime", "ContentTime", "ConcatenationUID", "InConcatenationTotalNumber",
     "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence",
 )  # fmt: skip
-"""Elements that are read besides those of the samples."""
+"""These elements are read besides those of the samples."""
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]{1,6})?)(?:[+-][0-9]{4})?")
 """A time, or a date with a time, as DICOM writes them."""
 APART = "put each recording into a folder of its own"

@@ -1,8 +1,7 @@
 """What a format of recordings is: which files it claims, how their frames are read, what they state by themselves.
 
-Each format is a module of this room that ends in one :class:`Format`. It says at its top what the format is, where that
-is specified, and its traps. :data:`endoct.modalities.reading.recording.FORMATS` lists them in the order in which they
-are asked.
+Each format is a module of this room that ends in one :class:`Format`. At its top stand what the format is, where that
+is specified, and its traps. They are asked in the order of :data:`endoct.modalities.reading.recording.FORMATS`.
 """
 
 from collections.abc import Callable, Mapping

@@ -15,7 +15,6 @@ import numpy as np
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.reading.equal_files import sets_of_equal
 from endoct.modalities.reading.frame_names import (
     LONGEST_NUMBER,
     Name,
@@ -28,9 +27,11 @@ from endoct.modalities.reading.frame_names import (
 )
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, some_names
+from endoct.modalities.reading.repeated_frames import sets_of_equal
 
 COMPARED, COMPARED_BYTES = 16, 400_000_000
-"""Of a folder that has images twice, pixels are compared: of all, or of so many pairs where files are larger in all."""
+"""Where a folder has images twice, the pixels of this many pairs are compared; of all, if they have no more bytes
+together."""
 _PREFERRED = (".tif", ".tiff", ".btf", ".tf8", ".png", ".bmp", ".jpg", ".jpeg")
 _BY_NAMES = "the numbers in names"
 
@@ -252,5 +253,5 @@ def _example(names: Sequence[Name], form: str) -> str:
     return next(name.path.name for name in names if name.form == form)[:60]
 
 
-def _doubted(code: str, what: str) -> Remarks:
-    return Remarks(doubts=(Doubt(code, what),))
+def _doubted(code: str, sentence: str) -> Remarks:
+    return Remarks(doubts=(Doubt(code, sentence),))

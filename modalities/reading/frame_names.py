@@ -12,17 +12,17 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from endoct.modalities.reading.spacing import Spacing, spacing_of
+from endoct.modalities.reading.numbering import Spacing, spacing_of
 
 Unit = Literal["", "mm", "s"]
 Number = int | Fraction
 LONGEST_NUMBER = 15
-"""Digits; longer ones, as of a time in ns, are no count of frames."""
+"""Numbers with more digits, as of a time in ns, are no count of frames."""
 _MINUS = ("-", "\u2212", "\u2013")
 _UNITS = {"mm": Fraction(1), "um": Fraction(1, 1000), "\u00b5m": Fraction(1, 1000), "\u03bcm": Fraction(1, 1000)}
 _UNIT = r"(?:[ _]?(?P<unit>mm|um|\u00b5m|\u03bcm)(?![a-z]))?"
 _SPLIT_LENGTH = re.compile(r"#[.,]#mm")
-"""What a length with decimals becomes where they are not read as such."""
+"""A length with decimals looks like this where they are not read as decimals."""
 _CLOCK = (
     r"(?P<clock>(?<![0-9])(?:19|20)[0-9]{2}[-_.]?[01][0-9][-_.]?[0-3][0-9][-_. t]?[0-2][0-9][-_.:h]?[0-5][0-9]"
     r"[-_.:m]?[0-5][0-9](?:[-_.,]?[0-9]{3}(?:[0-9]{3})?)?(?![0-9]))|"
@@ -166,7 +166,7 @@ def _rank(reading: Reading, names: Sequence[Name]) -> tuple[int, int, int, int]:
         fields = varying(names)
         n_varying = len(fields)
         collide = len({name.numbers for name in names}) < len(names)
-        irregular = int(collide or not fields or _is_irregular(names, fields))
+        irregular = int(collide or not fields or all(spacing_in(names, field).kind == "uneven" for field in fields))
     return len(forms), irregular, n_varying, reading.signed * 4 + reading.decimal * 2 - 8 * reading.clock
 
 
@@ -175,7 +175,3 @@ def _is_even(names: Sequence[Name]) -> bool:
         return False
     fields = varying(names)
     return len(fields) == 1 and spacing_in(names, fields[0]).kind == "even"
-
-
-def _is_irregular(names: Sequence[Name], fields: Sequence[int]) -> bool:
-    return all(spacing_in(names, field).kind == "uneven" for field in fields)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import imagecodecs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,11 +21,11 @@ from endoct.modalities.reading.orientation import UPRIGHT, orientation_in_exif, 
 logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
 
 COPIES = 2
-"""What decoding holds at most, in the size of the image: the image and one copy."""
+"""Decoding holds at most this many times the image: the image and one copy."""
 MOST_SCANS = 50
-"""Of a progressive JPEG; usual ones have 10. Each goes over the whole image."""
+"""A progressive JPEG may have this many scans; usual ones have 10. Each goes over the whole image."""
 CHANNELS = {0: 1, 2: 3, 3: 4, 4: 2, 6: 4}
-"""By a PNG's type of colour."""
+"""The number of channels follows from a PNG's type of colour."""
 _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
@@ -53,18 +54,16 @@ def read_image(path: Path) -> tuple[NDArray[Any], int]:
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
 
 
-def check_jpeg(data: bytes, shape: tuple[int, int], what: str) -> None:
+def check_jpeg(data: bytes, shape: tuple[int, int], subject: str) -> None:
     """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (rows, columns), or is coded in many scans."""
     rows, columns, _ = _jpeg_shape(data)
     if columns != shape[1] or rows > shape[0]:
         raise EndoctError(
-            f"{what} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
+            f"{subject} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
         )
 
 
 def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
-    import imagecodecs  # here and below, so that a plug-in's manifest can name suffixes without loading decoders
-
     chunks = list(_chunks(data))
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 25 or chunks[-1][0] != b"IEND":
         raise EndoctError(f"{path} is damaged or truncated", found="a PNG without its first or last part")
@@ -93,8 +92,6 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
-    import imagecodecs
-
     rows, columns, channels = _jpeg_shape(data)
     _check(rows, columns, channels, 1, path)
     if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
@@ -104,7 +101,7 @@ def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
 
 def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
     """Return (rows, columns, channels) as a JPEG's header has them, grey or of three colours."""
-    from PIL import JpegImagePlugin
+    from PIL import JpegImagePlugin  # here and below: a plug-in's manifest names suffixes without loading these
 
     with JpegImagePlugin.JpegImageFile(io.BytesIO(data)) as image:
         columns, rows = image.size

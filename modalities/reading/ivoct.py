@@ -1,29 +1,37 @@
 """DICOM of a catheter that turns in a vessel: optical coherence tomography (IVOCT, PS3.3 A.66 and C.8.27).
 
-Images *for processing* are polar: a row is an A-scan, the catheter's optics at the left, one turn of 360° from top to
-bottom in the order of acquisition. What is done to them is what PS3.17 EEE.2 has done before they are displayed:
+Images *for processing* are polar: a row is an A-scan, the catheter's optics at the left. A frame is one turn of 360°,
+from top to bottom in the order of acquisition. What is done to them is what PS3.17 EEE.2 has done before display:
 
-- Padded A-scans at the end of a frame (0052,0038) hold anything, and are dropped. Where their number varies, turns are
-  brought to one number of A-scans, each by the nearest of its own.
-- The A-scan at the seam (0052,0036) becomes the first; it is displayed at the first A-line location (0052,0034),
-  degrees clockwise from the top. Where frames have a seam line location (0052,0033) of their own, they are turned to
-  that of the first.
+- Padded A-scans at the end of a frame (0052,0038) hold anything, and are dropped.
+- Where the number of A-scans varies, turns are brought to one number, each A-scan by the nearest of its own turn.
+- The A-scan at the seam (0052,0036) becomes the first. It is displayed at the first A-line location (0052,0034),
+  in degrees clockwise from the top.
+- Where frames have a seam line location (0052,0033) of their own, they are turned to that of the first.
 - Every frame is shifted along depth by its Z offset (0052,0030), outward where that is positive, unless it was applied
   (0052,0026). Depth 0 is the catheter's axis then.
 
 What the header states becomes keys of the sidecar. The traps:
 
 - A-line pixel spacing (0052,0014) is divided by the effective refractive index (0052,0004) already where 0052,003A is
-  YES. The index is that of tissue and flush, whatever the catheter was in. The ranging depth (0052,0009), which is in
-  air, shows where 0052,003A lies.
-- A longitudinal distance (0052,0028) is that to the frame before, positive where the catheter was pulled. Motorised
-  pullbacks have a speed (0018,3101) in its place, and frames before and after it at which the catheter stood.
+  YES. The index is that of tissue and flush, whatever the catheter was in.
+- The ranging depth (0052,0009), which is in air, shows where 0052,003A lies.
+- A longitudinal distance (0052,0028) is that to the frame before, positive where the catheter was pulled.
+- Motorised pullbacks have a speed (0018,3101) in its place, and frames before and after at which the catheter stood.
 - The direction of rotation (0052,0031) is seen from the motor to the tip, as θ is.
 - Pixel intensity relationship (0028,1040) is LIN, or LOG with a table that makes it linear. A table that is no
   exponential shows that samples are not logarithmic: they are made linear by it then.
 
-Images *for presentation* are round cross-sections (:mod:`~endoct.modalities.reading.scan_converted`). So are those of
-ultrasound and captures of a console's screen, whose centre no header says: they are refused.
+Images *for presentation* are round cross-sections, and are made polar again where the header says enough:
+
+- No element of DICOM has the centre of such an image. But the ranging depth is, by PS3.3 C.8.27.3, "the radius of the
+  FOR PRESENTATION image in air". Where it is half of both sides, in pixels, the catheter's axis is in the middle.
+- Depth is corrected for the refractive index there (A.66.1).
+- They are seen from the motor as the catheter turns, so that directions run clockwise from the top.
+- What lies at the edges of pixels, or was burnt into them, is lost or stays.
+
+Cross-sections of ultrasound, and captures of a console's screen, are round as well. No header says where their centre
+lies: they are refused.
 """
 
 import math
@@ -36,13 +44,84 @@ from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import check_array_size
 from endoct.modalities.dicom.dicom_file import OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING, kind_of
 from endoct.modalities.dicom.samples import GREY, ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, intensity_of, scale_of, travelled
 from endoct.modalities.reading.remarks import NONE, Remarks
-from endoct.modalities.reading.scan_converted import ReadPolar, disc_of
+
+RADIUS_WITHIN = 0.02
+"""The stated radius may differ from half a side by this share of it."""
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A round image of ``side`` × ``side`` pixels, ``pixel_mm`` wide; ``index`` by which depth was divided."""
+
+    side: int
+    pixel_mm: float
+    index: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Of a B-scan: a depth sample a pixel; as many A-scans as pixels lie around the edge."""
+        return self.side // 2, math.ceil(math.pi * self.side)
+
+    @property
+    def keys(self) -> dict[str, Any]:
+        """Keys of a sidecar that it states."""
+        axial_mm = self.pixel_mm * self.index
+        return {
+            "axial_pixel_mm": axial_mm,
+            "medium_index": self.index,
+            "handedness": "same",
+            "theta_origin_rad": 0.0,
+            "first_sample_mm": 0.0,
+        }
+
+
+def disc_of(recording: DicomRecording) -> Disc | None:
+    """Return how the round images of a recording lie; None where the header does not say all of that."""
+    header = recording.header
+    spacing = recording.each("PixelMeasuresSequence", "PixelSpacing")[0]
+    range_mm, index = recording.number("RangingDepth"), recording.number("EffectiveRefractiveIndex")
+    rows, columns = int(header.Rows), int(header.Columns)
+    if spacing is None or len(spacing) != 2 or not range_mm or not index or rows != columns:
+        return None
+    row_mm, column_mm = (as_number(value) or 0.0 for value in spacing)
+    if row_mm <= 0 or row_mm != column_mm or abs(range_mm / index / row_mm / (rows / 2) - 1) > RADIUS_WITHIN:
+        return None
+    return Disc(rows, row_mm, index)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadPolar:
+    """Reads one round image as (depth, A-scan); picklable."""
+
+    frames: tuple[tuple[ReadSamples, int], ...]
+    disc: Disc
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one B-scan, interpolated linearly."""
+        import cv2
+
+        read, number = self.frames[index]
+        image = as_seen(read(number), read)
+        if image.ndim == 3 and (image == image[..., :1]).all():
+            image = image[..., 0]
+        if image.ndim == 3 or image.dtype not in (np.uint8, np.uint16):
+            found = "colours" if image.ndim == 3 else str(image.dtype)
+            raise EndoctError(f"{read.path} holds no grey cross-sections", found=found, remedy="export them in grey")
+        n_depth, n_ascans = self.disc.shape
+        check_array_size((n_depth, n_ascans), 8, f"a frame of {read.path}, made polar")
+        middle = (self.disc.side - 1) / 2
+        radius = np.arange(n_depth, dtype=np.float32)[:, None]
+        angle = (2 * np.pi * np.arange(n_ascans) / n_ascans).astype(np.float32)
+        x, y = middle + radius * np.sin(angle), middle - radius * np.cos(angle)
+        return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+
 
 OCT_CONTENT = "IntravascularOCTFrameContentSequence"
 LEAST_TURN = 2

@@ -25,13 +25,13 @@ KEYWORDS = (
 )  # fmt: skip
 CONTENT = "IntravascularFrameContentSequence"
 EVEN = 0.01
-"""Share by which distances between frames may differ that are one pitch."""
+"""Distances between frames that differ by no more than this share are one pitch."""
 ALIKE = 0.03
-"""Share by which two statements on one thing may differ."""
+"""Two statements on one thing may differ by this share."""
 OFF_LINE = 0.02
-"""By how much logarithms, base e, may be off a line, besides rounding, where a table makes logarithms linear."""
+"""Logarithms, base e, of a table may lie this far off a line, besides rounding, where it makes logarithms linear."""
 LEAST_ENTRY = 16
-"""Of a table: smaller numbers are too coarse to see its form by."""
+"""Smaller numbers of a table are too coarse to see its form by."""
 LEAST_ENTRIES = 8
 MOST_ENTRIES = 65_536
 

@@ -1,8 +1,9 @@
 """LightLab, St. Jude, Abbott (C7, Ilumien): ``.oct``, a TIFF of many pages, a turn a page.
 
-No specification is public. By papers that used such files, samples are linear, of 16 bits, and a row is an A-scan, so
-that pages are turned here. Their tags hold no usable sizes. By its first bytes such a file is a TIFF as any other: it
-is told by that, by its suffix, and by pages of one sample of 16 bits. Another ``.oct`` that is a TIFF is read as that.
+No specification is public. By papers that used such files, samples are linear, of 16 bits. A row is an A-scan, so that
+pages are turned here. Their tags hold no usable sizes. By its first bytes such a file is a TIFF like any other. It is
+recognised by those, by its suffix, and by pages of one sample of 16 bits. Any other TIFF that is called ``.oct`` is
+read as a TIFF.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where frames lie along the travel, by the numbers or times that their files give them: frames that are missing."""
+"""Where frames lie along the travel, by the numbers or times in their files: evenly, with gaps, or unevenly."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,16 +9,79 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.modalities.reading.remarks import NONE, Remarks
-from endoct.modalities.reading.spacing import WITHIN, spacing_of
+
+LEAST_REGULAR = 0.8
+"""Where this share of the steps is equal, that is the usual step; else it is the median."""
+WITHIN = 0.25
+"""A step may differ from a whole number of usual steps by this share of one."""
+FINE = 20
+"""Steps of this many times the resolution or more may jitter, as times and measured places do."""
+EXACT = 1e-6
+LEAST_USUAL = 0.5
+"""At least this share of the steps is no gap."""
+MOST_DRIFT_SHARE = 0.01
+MOST_DRIFT = 0.5
+"""Where all frames lie evenly, one may lie this share of the usual step off its place."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spacing:
+    """``usual``: the step between neighbours; ``places``: float64 (n,), in usual steps from the first.
+
+    Even places, and those with gaps, are whole numbers: what neighbours jitter is that of a clock.
+    """
+
+    kind: Literal["even", "gaps", "uneven"]
+    usual: float
+    places: Coordinates
+
+
+def spacing_of(values: Sequence[float] | Coordinates, resolution: float = 0.0, within: float = WITHIN) -> Spacing:
+    """Return how ``values``, one a frame in their order, are spaced; fewer than three are even.
+
+    Values that do not ascend are uneven, and so are steps that are no multiples of the usual one. ``resolution``: the
+    least difference that values can have; where the usual step is not much more, it is counted exactly. ``within``: by
+    how much of the usual step one may differ from a whole number of them.
+    """
+    along = np.asarray(values, dtype=np.float64)
+    n = along.size
+    if n < 3:
+        return Spacing("even", float(np.ptp(along)) if n > 1 else 0.0, np.arange(n, dtype=np.float64))
+    steps = np.diff(along)
+    usual = _usual(steps)
+    if not np.isfinite(along).all() or usual <= 0 or (steps <= 0).any():
+        return Spacing("uneven", max(usual, 0.0), np.arange(n, dtype=np.float64))
+    places = (along - along[0]) / usual
+    whole = np.rint(steps / usual)
+    exact = usual < FINE * resolution
+    within, most_drift = (EXACT, EXACT) if exact else (within, within if within < WITHIN else MOST_DRIFT)
+    slope = (along[-1] - along[0]) / (n - 1)
+    off_line = np.abs(along - along[0] - slope * np.arange(n)) / slope
+    if (whole == 1).all() and off_line.max() <= most_drift and (np.abs(steps / usual - 1) <= 2 * within).all():
+        return Spacing("even", usual, np.arange(n, dtype=np.float64))
+    if (whole >= 1).all() and (np.abs(steps / usual - whole) <= within).all() and (whole == 1).mean() >= LEAST_USUAL:
+        counted = np.concatenate([[0.0], np.cumsum(whole)])
+        if np.abs(places - counted).max() <= max(most_drift, MOST_DRIFT_SHARE * n):
+            return Spacing("gaps", usual, counted)
+    return Spacing("uneven", usual, places)
+
+
+def _usual(steps: Coordinates) -> float:
+    values, counts = np.unique(steps, return_counts=True)
+    if counts.max() >= LEAST_REGULAR * steps.size:
+        return float(values[np.argmax(counts)])
+    return float(np.median(steps))
+
 
 GAP_STEPS = 1.5
 OTHER_PITCH = 0.05
-"""Share by which the millimetres in names may differ from the pitch of the sidecar."""
+"""The millimetres in names may differ from the pitch of the sidecar by this share."""
 OTHER_RATE = 0.02
-"""Share by which the time stamps of a video may differ from the frame rate of the sidecar and be of that rate."""
+"""Time stamps that differ from the frame rate of the sidecar by no more than this share are of that rate."""
 
 MOST_MISSING = 3
-"""Times as many places as frames: where there are more, numbers rather begin anew than count missing frames."""
+"""Where there are more than this many times as many places as frames, numbers rather begin anew than count missing
+frames."""
 
 Positions = tuple[float, ...] | None
 

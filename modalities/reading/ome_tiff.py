@@ -1,9 +1,14 @@
 """OME-TIFF: a TIFF whose first page describes all of them in XML (docs.openmicroscopy.org/ome-model, OME-TIFF 6).
 
-``Pixels`` states sizes in X, Y, Z, C and T, in which order planes come, and physical sizes with their units (µm and s
-where they have none). ``TiffData`` says which plane lies on which page, and may say: in another file. A frame is a
-plane along Z or T, whichever has several. The traps: several images, channels in planes of their own, frames that are
-called channels because nobody named the axes, frames in other files, and units that are none ("pixel").
+``Pixels`` states sizes in X, Y, Z, C and T, the order of planes, and physical sizes with their units. Without a unit
+these are µm and s. ``TiffData`` says which plane lies on which page, and may name another file. A frame is a plane
+along Z or T, whichever has several. The traps:
+
+- several images;
+- channels in planes of their own;
+- frames that are called channels because nobody named the axes;
+- frames in other files;
+- units that are none ("pixel").
 """
 
 from dataclasses import dataclass

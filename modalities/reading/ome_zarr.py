@@ -2,9 +2,11 @@
 
 ``multiscales`` names the axes, with units, and lists one image at several resolutions, each with its scale; the finest
 is read. A frame is a plane along z or t, whichever has several; y are rows, x columns. A converter of Bio-Formats
-(bioformats2raw, layout 3) puts images into groups 0, 1, … below. The traps: chunks that are missing are the fill value,
-as writers leave out what is black, but a frame without any was not copied; scales without a unit mean nothing; a store
-may hold links, codecs and sizes of any kind.
+(bioformats2raw, layout 3) puts images into groups 0, 1, … below. The traps:
+
+- missing chunks are the fill value, as writers leave out what is black, but a frame without any was not copied;
+- scales without a unit mean nothing;
+- a store may hold links, codecs and sizes of any kind.
 """
 
 import itertools
@@ -18,17 +20,16 @@ import zarr
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import check_array_size, inside
+from endoct.base.files.files import check_array_size, exists, inside
 from endoct.base.files.json_values import read_object
 from endoct.base.zarr.zarr_metadata import LABELS, Allowed, Declared, declared
 from endoct.base.zarr.zarr_store import DAMAGED, check_chunk
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
 
 PICTURES = Allowed(LABELS.types - {"bool"} | {"float32", "float64"}, LABELS.codecs)
 VERSIONS = {"0.4": 2, "0.5": 3}
-"""With the format of Zarr that each is on."""
+"""Each version of the format is on one of Zarr."""
 MOST_CHUNKS_A_FRAME = 2_000
 """A turn of 14 000 A-scans has 1752 of 64 × 64 samples; many more take seconds to look at."""
 PLAIN = "export it as TIFF, one page a frame"

@@ -1,7 +1,7 @@
 """Sizes of pixels and steps as formats of microscopes state them, as keys of a sidecar.
 
-Such formats know lengths along columns, rows and frames, and times. They do not know what a B-scan is: the step along
-rows is the axial pixel, and whether that is meant in air is left open.
+Such formats know lengths along columns, rows and frames, and times. They do not know what a B-scan is. The step along
+rows is taken for the axial pixel; whether it is meant in air is left open.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ _PREFIXES = {"m": 1e3, "cm": 10.0, "mm": 1.0, "µm": 1e-3, "μm": 1e-3, "um": 1e
 _WORDS = {"meter": 1e3, "centimeter": 10.0, "millimeter": 1.0, "micrometer": 1e-3, "nanometer": 1e-6,
           "angstrom": 1e-7, "inch": 25.4}  # fmt: skip
 MM: Mapping[str, float] = _PREFIXES | _WORDS
-"""Millimetres of a unit of length, as OME's schema and Zarr's multiscales call it."""
+"""A unit of length has this many millimetres; its name is that of OME's schema or Zarr's multiscales."""
 SECONDS: Mapping[str, float] = {
     "s": 1.0, "ms": 1e-3, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "second": 1.0, "millisecond": 1e-3, "microsecond": 1e-6,
     "minute": 60.0,

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import open_regular, state_of
+from endoct.base.files.files import entries, exists, is_folder, open_regular, state_of
 from endoct.modalities.reading.arrays_on_disk import NPY
 from endoct.modalities.reading.dicom_pictures import PICTURES
-from endoct.modalities.reading.folders import entries, exists, is_folder
 from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.frame_names import read_names
@@ -31,7 +30,7 @@ from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_ti
 from endoct.modalities.reading.video import VIDEO
 
 FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR)
-"""In the order in which they are asked; what none of them claims is an image, or of no readable kind."""
+"""They are asked in this order. What none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 
@@ -304,9 +303,9 @@ def _read_single(path: Path) -> tuple[NDArray[Any], int]:
     return read(0), read.layout.orientation
 
 
-def _alike(one: Path, other: Path) -> bool:
+def _alike(file: Path, other: Path) -> bool:
     """Say whether two files hold the same pixels, grey or in three equal colours, in 8 bits or in 16."""
-    return same_picture(_read_single(one)[0], _read_single(other)[0])
+    return same_picture(_read_single(file)[0], _read_single(other)[0])
 
 
 def whole_recordings(folder: Path) -> list[Path]:

@@ -19,7 +19,7 @@ class Remarks:
 
 
 NONE = Remarks()
-"""Nothing is to be said."""
+"""There is nothing to be said."""
 MOST_NAMES = 4
 
 

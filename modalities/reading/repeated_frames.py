@@ -1,8 +1,15 @@
-"""Frames that hold the same samples as others: found by a few of them while frames are read, then by all of them."""
+"""What a recording holds twice: files with the same bytes, and frames with the same samples.
+
+Most are told apart by little: files by their sizes and a few bytes inside, frames by some samples while they are read.
+Only those that are alike so far are compared as a whole.
+"""
 
 import hashlib
+import os
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,14 +17,62 @@ from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import open_regular, sha256_of
 from endoct.modalities.reading.remarks import NONE, Remarks
 
+_BLOCK = 4096
+_PARTS = 2
+
+
+def sets_of_equal(files: Sequence[Path]) -> list[list[Path]]:
+    """Return the sets of two and more of ``files`` that hold the same bytes; empty files are left out.
+
+    Of most files nothing but the size is read. What cannot be read is equal to nothing.
+    """
+    by_size = _grouped((size, file) for file in files if (size := _size(file)))
+    by_parts = [_grouped((_parts(file), file) for file in group) for group in by_size.values() if len(group) > 1]
+    alike = [group for groups in by_parts for parts, group in groups.items() if parts and len(group) > 1]
+    by_content = [_grouped((_digest(file), file) for file in group) for group in alike]
+    return [group for groups in by_content for digest, group in groups.items() if digest and len(group) > 1]
+
+
+def _grouped(pairs: Iterable[tuple[Hashable, Path]]) -> dict[Hashable, list[Path]]:
+    groups: dict[Hashable, list[Path]] = defaultdict(list)
+    for key, file in pairs:
+        groups[key].append(file)
+    return groups
+
+
+def _size(file: Path) -> int:
+    with suppress(OSError, ValueError):
+        return file.stat().st_size
+    return 0
+
+
+def _parts(file: Path) -> bytes:
+    """Return some bytes from the whole length of a file; empty where it cannot be read."""
+    with suppress(EndoctError, OSError), open_regular(file) as opened:
+        size = opened.seek(0, os.SEEK_END)
+        read = []
+        for k in range(_PARTS):
+            opened.seek(max(0, size * (k + 1) // (_PARTS + 1) - _BLOCK // 2))
+            read.append(opened.read(min(_BLOCK, size)))
+        return b"".join(read)
+    return b""
+
+
+def _digest(file: Path) -> str:
+    with suppress(EndoctError, OSError):
+        return sha256_of(file)
+    return ""
+
+
 ROWS, COLUMNS = 16, 1024
-"""Of a frame are looked at at first: so many take 20 µs."""
+"""So many rows and columns of a frame are looked at at first, which takes 20 µs."""
 MOST_CONFIRMED = 16
-"""Pairs of which all samples are compared; that reads their frames again."""
+"""So many pairs are compared sample by sample, for which their frames are read again."""
 PLAIN = b""
-"""What stands for a frame of one value, which repeats nothing."""
+"""This stands for a frame of one value, which repeats nothing."""
 
 
 def fingerprint(frame: NDArray[Any]) -> bytes:
@@ -48,15 +103,15 @@ def on_repeated(prints: Mapping[int, bytes], read: Callable[[int], NDArray[Any]]
     return Remarks(doubts=(Doubt("frames-repeated", what, value=float(count), unit="1", expected=0.0),))
 
 
-def same_picture(one: NDArray[Any], other: NDArray[Any]) -> bool:
+def same_picture(image: NDArray[Any], other: NDArray[Any]) -> bool:
     """Say whether two images are the same, where one may have three equal colours, or opaque transparency more."""
-    one, other = _plain(one), _plain(other)
-    if one.shape != other.shape:
+    image, other = _plain(image), _plain(other)
+    if image.shape != other.shape:
         return False
-    if one.dtype != other.dtype and {one.dtype, other.dtype} == {np.dtype(np.uint8), np.dtype(np.uint16)}:
-        wide, narrow = (one, other) if one.dtype == np.uint16 else (other, one)
+    if image.dtype != other.dtype and {image.dtype, other.dtype} == {np.dtype(np.uint8), np.dtype(np.uint16)}:
+        wide, narrow = (image, other) if image.dtype == np.uint16 else (other, image)
         return bool(np.array_equal(wide, narrow) or np.array_equal(wide, narrow.astype(np.uint16) * 257))
-    return bool(np.array_equal(one, other))
+    return bool(np.array_equal(image, other))
 
 
 def without_colour(image: NDArray[Any]) -> NDArray[Any] | None:

@@ -54,7 +54,7 @@ from endoct.modalities.reading.thorlabs_file import (
 )
 
 LEAST_DB = -100.0
-"""Of samples made of complex ones, which may be 0."""
+"""Samples made of complex ones, which may be 0, are no darker than this."""
 
 
 @dataclass(frozen=True, eq=False)

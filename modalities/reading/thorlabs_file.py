@@ -21,9 +21,9 @@ HEADER = "header.xml"
 MOST_HEADER_BYTES = 16_000_000
 INTENSITY, COMPLEX = "data/intensity.data", "data/complex.data"
 ALIKE = 0.01
-"""Share by which lengths that say the same may differ."""
+"""Lengths that say the same may differ by this share."""
 LEAST_PIXEL_MM, MOST_PIXEL_MM = 1e-4, 0.2
-"""Between depth samples; what a header says beyond is of something else."""
+"""Depth samples lie so far apart; what a header says beyond is of something else."""
 _SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
 _ROOT = re.compile(rf"<\s*{ROOT}\b")
 _FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")
@@ -323,16 +323,16 @@ def _nothing_read(path: Path, header: Header) -> EndoctError:
     )  # fmt: skip
 
 
-def _miscounted(path: Path, found: int, stated: int) -> Remarks:
-    what = f"{path.name} holds {found} B-scans, its header says {stated}; all that are there were read."
-    return doubted("thorlabs-count", what, found, stated)
+def _miscounted(path: Path, counted: int, stated: int) -> Remarks:
+    what = f"{path.name} holds {counted} B-scans, its header says {stated}; all that are there were read."
+    return doubted("thorlabs-count", what, counted, stated)
 
 
-def doubted(code: str, what: str, value: float | None = None, expected: float | None = None) -> Remarks:
+def doubted(code: str, sentence: str, value: float | None = None, expected: float | None = None) -> Remarks:
     """Return one doubt, with a count or a ratio and what that should be."""
-    return Remarks(doubts=(Doubt(code, what, value=value, unit=None if value is None else "1", expected=expected),))
+    return Remarks(doubts=(Doubt(code, sentence, value=value, unit=None if value is None else "1", expected=expected),))
 
 
-def alike(one: float, other: float) -> bool:
+def alike(number: float, other: float) -> bool:
     """Say whether two numbers are the same, as programs round them."""
-    return abs(one - other) <= ALIKE * max(abs(one), abs(other))
+    return abs(number - other) <= ALIKE * max(abs(number), abs(other))

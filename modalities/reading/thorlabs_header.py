@@ -60,15 +60,15 @@ class Header:
     recorded_s: float | None
 
 
-def read_header(data: bytes, what: str) -> Header:
-    """Return what the header says that ``what`` names. Raises :class:`EndoctError` where it is none."""
-    root = read_xml(data, what)
+def read_header(data: bytes, subject: str) -> Header:
+    """Return what the header says that ``subject`` names. Raises :class:`EndoctError` where it is none."""
+    root = read_xml(data, subject)
     if root.tag != ROOT:
-        raise EndoctError(f"{what} is no header of a ThorImage file", found=root.tag[:80], expected=ROOT)
-    read = _Fields(root, what)
+        raise EndoctError(f"{subject} is no header of a ThorImage file", found=root.tag[:80], expected=ROOT)
+    read = _Fields(root, subject)
     signed = read.text("Instrument/RawDataIsSigned").lower()
     return Header(
-        data_files=tuple(_data_file(element, what) for element in root.findall("DataFiles/DataFile")),
+        data_files=tuple(_data_file(element, subject) for element in root.findall("DataFiles/DataFile")),
         mode=read.text("MetaInfo/AcquisitionMode"),
         size_z=read.whole("Image/SizePixel/SizeZ"),
         size_x=read.whole("Image/SizePixel/SizeX"),
@@ -95,16 +95,16 @@ class _Fields:
     """The fields below an element, by their paths."""
 
     root: Element
-    what: str
+    subject: str
 
     def text(self, path: str) -> str:
         return (self.root.findtext(path) or "").strip()
 
     def whole(self, path: str) -> int | None:
-        return _whole(self.text(path), path, self.what)
+        return _whole(self.text(path), path, self.subject)
 
     def number(self, path: str) -> float | None:
-        return _number(self.text(path), path, self.what)
+        return _number(self.text(path), path, self.subject)
 
     def length(self, parent: str, name: str) -> float | None:
         """Return a length in mm; None where its unit is another."""
@@ -113,9 +113,9 @@ class _Fields:
         return self.number(f"{parent}/{name}") if unit == "mm" else None
 
 
-def _data_file(element: Element, what: str) -> DataFile:
+def _data_file(element: Element, subject: str) -> DataFile:
     name = (element.text or "").strip()
-    of = f"{name[:80]} in {what}"
+    of = f"{name[:80]} in {subject}"
 
     def whole(attribute: str) -> int | None:
         return _whole(element.get(attribute, "").strip(), attribute, of)
@@ -142,15 +142,17 @@ def _regions(element: Element, kind: str, of: str) -> tuple[Region, ...]:
     return tuple(region for region in regions if region[1] > region[0])
 
 
-def _whole(text: str, field: str, what: str) -> int | None:
+def _whole(text: str, field: str, subject: str) -> int | None:
     if not text:
         return None
     if not _WHOLE.fullmatch(text) or int(text) > MOST:
-        raise EndoctError(f"'{field}' of {what} is no count", found=text[:80], expected=f"a whole number up to {MOST}")
+        raise EndoctError(
+            f"'{field}' of {subject} is no count", found=text[:80], expected=f"a whole number up to {MOST}"
+        )
     return int(text)
 
 
-def _number(text: str, field: str, what: str) -> float | None:
+def _number(text: str, field: str, subject: str) -> float | None:
     if not text:
         return None
     try:
@@ -158,5 +160,5 @@ def _number(text: str, field: str, what: str) -> float | None:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise EndoctError(f"'{field}' of {what} is no number", found=text[:80], expected="one with a point")
+        raise EndoctError(f"'{field}' of {subject} is no number", found=text[:80], expected="one with a point")
     return value

@@ -43,7 +43,7 @@ from endoct.modalities.reading.tiff_directory import (
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 MOST_DESCRIPTION = 100_000
 COPIES = 2
-"""What decoding a page holds at most, in its own size: the page and a copy in another byte order."""
+"""Decoding holds at most this many times the page: the page and a copy in another byte order."""
 DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
@@ -70,11 +70,11 @@ def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
             elif (other := page.layout(file)) != layout:
                 raise EndoctError(
                     f"{path} mixes pages",
-                    found=f"{_shown(other)} after {_shown(layout)}",
+                    found=f"{_described(other)} after {_described(layout)}",
                     expected="pages of one kind",
                     remedy="remove the others, or export the recording again",
                 )
-        stacked = _frames_told(first, file, layout)
+        stacked = _frames_declared(first, file, layout)
         if len(places) == 1 and stacked > 1:
             return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette)
         for end in (first, page):  # a copy that was cut off lacks the last
@@ -188,7 +188,7 @@ def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
     return b"".join([head, *entries, bytes(8), *data, *segments])
 
 
-def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
+def _frames_declared(page: Page, file: BinaryIO, layout: Layout) -> int:
     """Return how many frames the description of the first page declares, 1 where it declares none.
 
     Raises :class:`EndoctError` where it declares several axes of frames, such as colours and slices: they would be
@@ -224,7 +224,7 @@ def _frames_told(page: Page, file: BinaryIO, layout: Layout) -> int:
     if len(several) > 1:
         raise EndoctError(
             f"{page.path} has the wrong dimensions",
-            found=f"{' × '.join(map(str, several))} pages of {_shown(layout)}",
+            found=f"{' × '.join(map(str, several))} pages of {_described(layout)}",
             expected="a stack of images, one page a frame",
         )
     return max([images, *several]) if images else 1
@@ -257,7 +257,7 @@ def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int
     return ReadBlocks(page.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)
 
 
-def _shown(layout: Layout) -> str:
+def _described(layout: Layout) -> str:
     how = f"{layout.dtype} {' × '.join(map(str, layout.shape))}"
     how += {WHITE_IS_ZERO: ", 0 is white", PALETTE: ", colours by number"}.get(layout.photometric, "")
     return how + (f", orientation {layout.orientation}" if layout.orientation != UPRIGHT else "")

@@ -21,17 +21,17 @@ Order = Literal["<", ">"]
 MOST_PAGES = 65_536
 MOST_TAGS = 256
 MOST_SEGMENTS = 131_072
-"""Strips or tiles of one page."""
+"""A page may have this many strips or tiles."""
 MOST_TABLE_BYTES = 65_536
-"""Of JPEG tables that the segments of a page share."""
+"""The JPEG tables that the segments of a page share may have this many bytes."""
 COMPRESSIONS = {1: "none", 5: "LZW", 7: "JPEG", 8: "Deflate", 32773: "PackBits", 32946: "Deflate", 50000: "Zstandard"}
 JPEG = 7
 FOREIGN = {33629: "MetaMorph", 34412: "LSM", 34118: "SEM"}
-"""Tags of files in which frames lie by rules of their own."""
+"""Files with these tags have frames that lie by rules of their own."""
 
 WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE, YCBCR = 0, 1, 2, 3, 6
 _NOT_READ = {4: "a mask of transparency", 5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*", 32803: "CFA"}
-"""Photometric interpretations that are not read."""
+"""These photometric interpretations are not read."""
 
 _START: Mapping[bytes, tuple[Order, bool]] = {
     b"II*\0": ("<", False),
@@ -261,9 +261,9 @@ def size_of(file: BinaryIO) -> int:
     return os.fstat(file.fileno()).st_size
 
 
-def damaged(path: Path, found: str) -> NoReturn:
+def damaged(path: Path, reason: str) -> NoReturn:
     """Raise :class:`EndoctError` for a directory that cannot be."""
-    raise EndoctError(f"{path} is damaged, or no TIFF of images", found=found, remedy="copy or export it again")
+    raise EndoctError(f"{path} is damaged, or no TIFF of images", found=reason, remedy="copy or export it again")
 
 
 def truncated(path: Path, size: int, needed: int) -> NoReturn:

@@ -1,8 +1,8 @@
-"""Least squares over a model of an instrument, and what of its errors is to be believed.
+"""Least squares over a model of an instrument, and how large the errors of its parameters are.
 
-Residuals are in standard errors, of which the groups' scales are those that the residuals themselves have. What lies
-close together on a tube errs alike: residuals of one cluster are summed before they are squared (a sandwich estimator),
-so that many points of one place do not count as many.
+Residuals are in standard errors; the scale of each group is that of its own residuals. What lies close together on a
+tube errs alike. So the residuals of a cluster are summed before they are squared (a sandwich estimator): many points of
+one place do not count as many.
 """
 
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import NotSeen
+from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
 
 ROUNDS = 4
 STRAY_SIGMAS = 4.0
 LEAST_SIGMA = 1e-3
-"""mm: nothing is measured better."""
+"""No group's standard error is taken for less than this, mm."""
 MOST_SCATTER_MM = 0.05
-"""Of points that lie on marks."""
-SIGMA_PER_MEDIAN = 1.4826
+"""Points that lie on marks scatter by no more than this."""
 
 
 @dataclass(frozen=True, eq=False)

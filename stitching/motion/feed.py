@@ -2,9 +2,9 @@
 
 Every pair of neighbours is compared by a normalised cross-correlation that is cyclic in θ, inside a window around
 the nominal feed. The best place is then refined by least squares on the strips, with a first harmonic in θ in
-addition to feed and roll. An instrument off the axis sees one side move farther than the other, and wherever the
-texture lies unevenly that would pass for feed or roll. A pair that has no clear answer says so and falls back on
-the nominal feed.
+addition to feed and roll. An instrument off the axis sees one side move farther than the other. Wherever the texture
+lies unevenly, that would pass for feed or roll. A pair without a clear answer says so and falls back on the nominal
+feed.
 
 One robust solution reconciles all pairs: places along a chain, from steps between them of which some are wrong.
 """
@@ -15,12 +15,12 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.spool import Kept
+from endoct.base.compute.memory import Kept
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import turned_harmonic, wrap_rad
 from endoct.base.numeric.ranks import error_of_median
-from endoct.stitching.motion.matching import Matcher, Pairs
-from endoct.stitching.motion.textures import FEWEST_FOR_FIXED_PATTERN, Strips, Texture, keep_textures
+from endoct.stitching.motion.matching import FEWEST_FOR_FIXED_PATTERN, Matcher, Pairs, Strips, keep_textures
+from endoct.stitching.motion.warp import Texture
 
 
 def robust_chain(
@@ -79,14 +79,21 @@ MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the n
 class Feed:
     """Where every strip lies; float64 (n,) unless said otherwise.
 
-    ``z_mm`` and ``roll_rad`` relative to the first strip. ``sway_rad`` (n, 2): by what θ of the wall differs from θ of
-    the strip and roll, as parts of cos and sin of their sum. Only changes of it can be seen, and a steady one looks
-    like a wrong centre: so it is 0 on average and without a trend along z.
-    ``tilt`` (2,): by how much of itself the feed is larger where cos θ and where sin θ of the strip are 1, median
-    of the pairs; a wrong centre of the strips shows there. ``confidence``: ratio of the best correlation of the
-    pair with the strip before to the next best place, and that ``correlation``, both NaN for the first; ``trusted``,
-    bool: measured, not nominal (True for the first). ``direction``: −1 where the strips move against the nominal feed
-    as a whole, else +1. ``measured``: whether any pair was trusted.
+    Attributes
+    ----------
+    z_mm, roll_rad: relative to the first strip.
+    sway_rad: (n, 2), by how much θ of the wall exceeds θ of the strip plus roll, as factors of cos and sin of that sum.
+        Only its changes can be measured, and a steady one looks like a wrong centre. So it has no mean and no trend
+        along z.
+    tilt: (2,), the share by which the feed is larger where cos θ of the strip is 1, and where sin θ is; median of the
+        pairs. A wrong centre of the strips shows there.
+    stretch: the share by which the feed is larger in the last row than in the middle one, and the standard error of
+        that.
+    confidence: how many times as high the best correlation with the strip before is as that of the next best place.
+    correlation: that best correlation; both are NaN for the first strip.
+    trusted: bool, measured and not nominal (True for the first).
+    direction: −1 where the strips move against the nominal feed as a whole, else +1.
+    measured: whether any pair was trusted.
     """
 
     z_mm: Coordinates
@@ -112,13 +119,13 @@ def estimate_feed(
 ) -> Feed:
     """Return feed and roll of ``strips``, float32 (n, n_rows, n_theta), z ascending and θ a full circle.
 
-    The wall seen in row k of one strip is seen in row k − feed/``dz_mm`` of the next, and θ of the wall is θ of
-    the strip plus its roll. ``nominal_mm`` (n,) is the expected place of every strip; the feed of a pair is
-    believed to lie within three ``relative_sigma`` of its nominal value, in either direction of the whole, or of up
-    to three times that value, where frames were lost.
-    Without it the whole overlap is searched. ``radius_mm`` of the wall converts between mm and rad; samples that
-    are NaN or not ``valid`` are left out. Strips are read one by one, each more than once, and never all
-    held. Raises :class:`EndoctError` where shapes disagree.
+    The wall in row k of one strip is in row k − feed/``dz_mm`` of the next. θ of the wall is θ of the strip plus its
+    roll. ``nominal_mm`` (n,) is the expected place of every strip. The feed of a pair may differ from its nominal value
+    by three ``relative_sigma``, in either direction of the whole. Where frames were lost, it may have up to three times
+    that value. Without ``nominal_mm`` the whole overlap is searched.
+
+    ``radius_mm`` of the wall converts between mm and rad; samples that are NaN or not ``valid`` are left out. Strips
+    are read one by one, each more than once, and never all held. Raises :class:`EndoctError` where shapes disagree.
     """
     n = len(strips)
     shape = np.shape(strips[0]) if n else ()

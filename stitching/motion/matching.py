@@ -1,37 +1,146 @@
-"""Where one strip lies on another: by correlation of all places, then to a fraction of a sample."""
+"""Where one strip lies on another: the edges in both, a correlation of all places, then a fraction of a sample.
+
+Edges are left once what all strips show alike is taken away; they are made a few strips at a time and kept on disk.
+"""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
+from math import prod
+from typing import Protocol
 
 import numpy as np
 from scipy import fft
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
-from endoct.base.compute.spool import Kept
-from endoct.base.numeric.circle import wrap_rad
-from endoct.stitching.motion.textures import Texture
-from endoct.stitching.motion.warp import Motion, refine_motion
+from endoct.base.numeric.circle import gaussian, wrap_rad
+from endoct.stitching.motion.warp import Motion, Texture, refine_motion
+
+FEWEST_FOR_FIXED_PATTERN = 8
+AT_A_TIME = 2**20
+"""Samples that are worked on together, of a few whole strips or of one part of all."""
+LEAST_PART = 256
+"""Samples of a part, at least: reading smaller ones takes longer than the work on them."""
+
+
+class Strips(Protocol):
+    """Strips, float32 (n_rows, n_theta), all of one shape: an array of them, or what reads or makes each anew."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int, /) -> Image: ...
+
+
+def keep_textures(
+    textures: Kept[Texture], strips: Strips, valid: Mask | None, sigma_rows: float, sigma_columns: float
+) -> None:
+    """Append to ``textures`` the edges in every strip without what every row or every strip shows alike.
+
+    Samples that are NaN or not ``valid``, bool (n, n_rows, n_theta), count as not observed. Edges, not areas, say where
+    a strip lies. The cells themselves leave a trace of the median frame in it, which would pull every feed towards
+    zero.
+    """
+
+    def visible_part(k: int) -> Image:
+        sees = np.isfinite(strip := strips[k])
+        return np.where(sees if valid is None else sees & valid[k], strip, np.nan).astype(np.float32)
+
+    n, shape = len(strips), strips[0].shape
+    group, part = max(1, AT_A_TIME // prod(shape)), max(LEAST_PART, AT_A_TIME // n)
+    groups = [range(k, min(k + group, n)) for k in range(0, n, group)]
+    parts = [slice(k, k + part) for k in range(0, prod(shape), part)]
+
+    def put_away(blocks: Kept[Image], whole: bool) -> bool:
+        """Return False if strips marked ``whole`` have gaps."""
+        for those in groups:
+            visible = map(visible_part, those)
+            images = np.stack([(image - _nanmedians(image, whole)[:, None]).ravel() for image in visible])
+            if whole and np.isnan(images).any():
+                return False
+            for part_of_all in parts:
+                blocks.append(np.ascontiguousarray(images[:, part_of_all]))
+        return True
+
+    with ExitStack() as stack:  # every part of the first strips, then every part of the next
+        blocks = stack.enter_context(Kept[Image]())
+        whole = not np.isnan(visible_part(0)).any()
+        if not put_away(blocks, whole):
+            whole, blocks = False, stack.enter_context(Kept[Image]())
+            put_away(blocks, whole)
+        fixed = None
+        if n >= FEWEST_FOR_FIXED_PATTERN:
+            columns = (
+                np.concatenate([blocks[at] for at in range(k, len(blocks), len(parts))]) for k in range(len(parts))
+            )
+            fixed = np.concatenate([_nanmedians(column.T, whole) for column in columns])
+        blur = _Blur(sigma_rows, sigma_columns)
+        for first in range(0, len(blocks), len(parts)):
+            images = np.concatenate([blocks[first + k] for k in range(len(parts))], axis=1)
+            if fixed is not None:
+                images -= fixed
+            for image in images.reshape(-1, *shape):
+                textures.append(blur.edges(image))
+
+
+class _Blur:
+    """A blur over the samples that are seen, as far as strips see the same one after the other."""
+
+    def __init__(self, sigma_rows: float, sigma_columns: float) -> None:
+        self._sigmas = sigma_rows, sigma_columns
+        self._seen: Mask | None = None
+        self._share: Image
+
+    def edges(self, image: Image) -> Texture:
+        """Return ``image``, NaN where nothing is seen, without what is left of it when blurred."""
+        seen = ~np.isnan(image)
+        if self._seen is None or not np.array_equal(seen, self._seen):
+            self._seen, self._share = seen, np.maximum(gaussian(seen.astype(np.float32), *self._sigmas), 0.01)
+        edges = np.where(seen, image, np.float32(0))
+        edges -= gaussian(edges, *self._sigmas) / self._share
+        edges[~seen] = 0
+        return edges, seen
+
+
+def _nanmedians(values: Image, whole: bool) -> Image:
+    """Median of every row without NaN, and 0 where there is nothing else.
+
+    Of two in the middle the mean where the strips are ``whole``, without any NaN, else the lower.
+    """
+    ordered = np.array(values, order="C")
+    ordered.sort(axis=1)
+    if whole:
+        n = ordered.shape[1]
+        return np.asarray((ordered[:, (n - 1) // 2] + ordered[:, n // 2]) / 2, np.float32)
+    count = np.count_nonzero(~np.isnan(ordered), axis=1)
+    middle = ordered[np.arange(count.size), np.maximum((count - 1) // 2, 0)]
+    return np.where(count > 0, middle, np.float32(0))
+
 
 LEAST_OVERLAP = 0.15
 LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
 LATEST = 8
-"""Strips and spectra that are held, so that each is read, and transformed, once for all the pairs it is in."""
+"""So many strips and spectra are held, so that each is read, and transformed, once for all its pairs."""
 
 Windows = list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """What the overlap of each strip with the one ``step`` later says; arrays (n_pairs,) float64.
+    """How each strip lies on the one ``step`` earlier; arrays (n_pairs,) float64 unless said otherwise.
 
-    ``feed_mm`` and ``roll_rad``: place of the later strip minus place of the earlier, each (n_pairs, 3): mean, and
-    the parts that go with cos θ and sin θ of the earlier strip; ``correlation`` at the best place; ``ratio`` to the
-    best place elsewhere ("I do not know" is a ratio near 1); ``trusted``. ``stretch``: by how much of itself the feed
-    is larger in the last row than in the middle one.
+    Attributes
+    ----------
+    feed_mm, roll_rad: place of the later strip minus that of the earlier, each (n_pairs, 3): the mean, and the parts
+        that go with cos θ and sin θ of the earlier strip.
+    correlation: at the best place.
+    ratio: how many times as high that is as at the best place elsewhere. Near 1 it means "I do not know".
+    trusted: bool, whether correlation and ratio are high enough.
+    stretch: the share by which the feed is larger in the last row than in the middle one.
     """
 
     step: int

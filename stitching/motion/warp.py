@@ -7,8 +7,11 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 from endoct.base.numeric.ranks import robust_sigma
+
+Texture = tuple[Image, Mask]
+"""Edges in a strip, float32 (n_rows, n_theta), 0 where not observed, and a mask of the observed samples."""
 
 MOST_ITERATIONS = 8
 CONVERGED = 0.01
@@ -58,7 +61,7 @@ def refine_motion(a: Image, b: Image, seen_a: Mask, seen_b: Mask, start: Motion)
         rows, columns = (motion[:3] @ waves).astype(np.float32), (motion[3:6] @ waves).astype(np.float32)
         stretched = np.float32(motion[6]) * from_middle
         _turn(layers, columns, _reached(rows, stretched), turned)
-        _compare(a, seen_a, turned, rows, stretched, off, fits, gradients)
+        _compare((a, seen_a), turned, rows, stretched, off, fits, gradients)
         n_fitting = _some(off, fits, some)
         if n_fitting < 0.02 * fits.size:
             return start
@@ -125,14 +128,15 @@ def _turn(layers: Image, columns: Image, reached: tuple[int, int], turned: Image
 
 @compiled
 def _compare(
-    a: Image, seen_a: Mask, turned: Image, rows: Image, stretched: Image, off: Image, fits: Mask, gradients: Image
+    texture: Texture, turned: Image, rows: Image, stretched: Image, off: Image, fits: Mask, gradients: Image
 ) -> None:
-    """Write by how much ``a`` differs from what is moved onto it, where both are seen, and how that would change.
+    """Write by how much ``texture`` differs from what is moved onto it, and how that would change.
 
-    ``turned`` (n, n_rows, n_theta): what is moved by ``rows``, its slopes along rows and columns, and, unless all of it
-    is seen, where it is not. Zero where ``fits`` says that not both are. Samples between the same two rows are worked
-    on together.
+    ``turned`` (n, n_rows, n_theta) is moved by ``rows``. Its layers are an image, the slopes of that along rows and
+    columns, and, unless all of it is observed, where it is not. ``fits`` says where both are observed; elsewhere zeros
+    are written. Samples between the same two rows are worked on together.
     """
+    a, seen_a = texture
     n_rows, n_theta = a.shape
     row, last_row = np.empty(n_theta, np.float32), np.float32(n_rows - 1)
     n_blocks = n_theta // BLOCK

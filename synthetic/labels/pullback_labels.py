@@ -201,9 +201,9 @@ def create(path: Path, sizes: Mapping[str, int], arrays: Described, attrs: Mappi
     group = write_arrays(path, {}, attrs)
     made: dict[str, Writable] = {}
     for name, (dims, dtype, about) in arrays.items():
-        shape = tuple(sizes[dim] for dim in dims)
+        of_array = {dim: sizes[dim] for dim in dims}
         made[name] = new_array(
-            group, name, shape, dtype, dims, chunks=(1, *shape[1:]), attributes={"long_name": about},
+            group, name, of_array, dtype, chunks=(1, *tuple(of_array.values())[1:]), attributes={"long_name": about},
             fill_value=float("nan") if dtype.startswith("f") else 0,
         )  # fmt: skip
     return made

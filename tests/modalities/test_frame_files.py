@@ -8,8 +8,7 @@ import pytest
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.frame_files import FrameFiles, choose_frames
 from endoct.modalities.reading.frame_names import read_names
-from endoct.modalities.reading.numbering import Along, positions_along
-from endoct.modalities.reading.spacing import spacing_of
+from endoct.modalities.reading.numbering import Along, positions_along, spacing_of
 
 
 def order(*names: str) -> list[str]:

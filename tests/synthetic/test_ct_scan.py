@@ -12,7 +12,7 @@ from bone_volumes import CELL, RAS, block, drilled, stated
 from scipy import ndimage
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.nifti import nifti_header
+from endoct.modalities.ct.nifti import nifti_header
 from endoct.modalities.ct.trajectory import Trajectory, read_line
 from endoct.synthetic.ct_scan import drawn_plan, true_line, write_ct
 from endoct.synthetic.draw import Scans, draw

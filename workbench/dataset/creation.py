@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from endoct.base.cleanup import undone_in_the_end
+from endoct.base.compute.own_process import undone_in_the_end
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import check_place

@@ -13,9 +13,8 @@ from typing import Any
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.contents import kind_of
-from endoct.base.files.files import path_text, read_small
+from endoct.base.files.files import entries, is_folder, path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
-from endoct.modalities.reading.folders import entries, is_folder
 from endoct.workbench.desk.forms import Command, arguments_of, form_of, path_within
 from endoct.workbench.desk.preview import Previewer
 from endoct.workbench.desk.runs import command_line

@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 from tomlkit.exceptions import TOMLKitError
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import inside, read_small, sha256_of, text_of
+from endoct.base.files.files import exists, inside, is_folder, read_small, sha256_of, text_of
 from endoct.base.files.output import new_output
 from endoct.modalities.acquisition import (
     Acquisition,
@@ -28,7 +28,6 @@ from endoct.modalities.acquisition import (
     validate,
 )
 from endoct.modalities.contract import Manifest
-from endoct.modalities.reading.folders import exists, is_folder
 from endoct.modalities.registry import manifest_for, sniffed
 from endoct.modalities.stated import stated_keys
 from endoct.workbench.pipeline.sidecar_template import missing_keys

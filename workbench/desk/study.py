@@ -14,11 +14,10 @@ import cv2
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME, kind_of
-from endoct.base.files.files import inside, path_text
+from endoct.base.files.files import exists, inside, path_text
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.video_container import VIDEO_SUFFIXES
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama

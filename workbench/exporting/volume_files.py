@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size
-from endoct.base.files.nifti import nifti_header
 from endoct.base.zarr.window import ChunkCache, StoredImage
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import DAMAGED, read_arrays
 from endoct.fusion.geometry.placement import column_weights
+from endoct.modalities.ct.nifti import nifti_header
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import VOXEL_MM, Options
 from endoct.workbench.exporting.image_layers import NOWHERE, even_rows

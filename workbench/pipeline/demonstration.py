@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
-from endoct.base.cleanup import undone_in_the_end
+from endoct.base.compute.own_process import undone_in_the_end
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import OVERWRITE, check_output, check_place, remove_output
 from endoct.workbench.running.kinds import SPECIMEN

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import path_text
+from endoct.base.files.files import exists, path_text
 from endoct.base.files.output import new_output
 from endoct.fusion.files.result_file import read_result
 from endoct.modalities.acquisition import read_keys, sidecar_path, validate
 from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
-from endoct.modalities.reading.folders import exists
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.modalities.reading.recording import format_of
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from endoct.base.compute.own_process import give_back
+from endoct.base.compute.memory import give_back
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import VolumetricModality
 from endoct.modalities.illustration import illustrated

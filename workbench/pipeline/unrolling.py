@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from endoct.base.compute.own_process import give_back
+from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import NotSeen
 from endoct.base.files.files import State, check_unchanged, digests, state_of

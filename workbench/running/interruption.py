@@ -15,7 +15,7 @@ from threading import Event
 from types import FrameType
 from typing import Any
 
-from endoct.base.cleanup import undo_all
+from endoct.base.compute.own_process import undo_all
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 PATIENCE_S = 1.3

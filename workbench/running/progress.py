@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from endoct.base.compute.compiling import when_compiling
+from endoct.base.compute.own_process import when_compiling
 from endoct.base.errors import refusing, visible
 from endoct.workbench.running.interruption import stop_if_interrupted
 

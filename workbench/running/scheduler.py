@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from endoct.base.compute.compiling import announce_compiling, when_compiling
+from endoct.base.compute.own_process import announce_compiling, when_compiling
 from endoct.base.compute.worker_process import Send, Stored, WorkerProcess, worker_process
 from endoct.workbench.running.progress import Advance, SilentStages, Stages
 from endoct.workbench.running.refusals import tame_libraries

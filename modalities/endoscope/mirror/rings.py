@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops, quantile
 
 MOST_GROWTH = 3.0

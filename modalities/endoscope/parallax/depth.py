@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
+from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
-from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import pad_circle
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration

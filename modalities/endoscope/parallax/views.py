@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
+from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
-from endoct.base.compute.spool import Kept
 from endoct.base.numeric.circle import largest_divisor, masked_gaussian
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import GLASS_INDEX, Glass

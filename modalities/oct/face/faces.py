@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import medians
 from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import Lines, fit_circle

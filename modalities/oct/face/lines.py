@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 from endoct.modalities.oct.bscan import Raster
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.points import Points

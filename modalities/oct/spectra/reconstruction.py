@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, LEAST_ASCANS, ZERO_DB
 from endoct.modalities.oct.spectra.resampling import Taps
 

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.compute.room import Room
+from endoct.base.compute.memory import Room
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import check_array_size, inside, open_regular
+from endoct.base.files.files import check_array_size, entries, inside, is_folder, open_regular
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, SpectraKeys
 from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, mean_spectrum
 from endoct.modalities.oct.spectra.turns import Levels, find_turns, usual_turn
-from endoct.modalities.reading.folders import entries, is_folder
 from endoct.modalities.reading.frame_names import read_names
 from endoct.modalities.reading.remarks import NONE, Remarks
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import inside, read_small, read_start, text_of
+from endoct.base.files.files import entries, inside, is_folder, read_small, read_start, text_of
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS, LEAST_SAMPLES, MOST_SAMPLES
-from endoct.modalities.reading.folders import entries, is_folder
 
 TEXT_SUFFIXES = (".txt", ".csv")
 _TEXT = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?[0-9eEnNaAiIfF+\-.,;\s\0]*")

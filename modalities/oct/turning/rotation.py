@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 
 HARMONICS = 4
 N_SMOOTH = 2 * HARMONICS

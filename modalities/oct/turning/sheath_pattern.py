@@ -21,7 +21,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.spool import Kept
+from endoct.base.compute.memory import Kept
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.face.face_circle import Circle

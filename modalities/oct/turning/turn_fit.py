@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import N_RIPPLE, ripple_basis

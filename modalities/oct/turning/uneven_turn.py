@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.compute.spool import Computed
+from endoct.base.compute.memory import Computed
 from endoct.base.numeric.ranks import robust_sigmas
 from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.faces import Faces, refit_faces, starts_anywhere

@@ -11,7 +11,7 @@ import pytest
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.linear_equations import solve
+from endoct.base.numeric.least_squares import solve
 
 
 def twice(value: float) -> float:
@@ -62,7 +62,7 @@ def test_code_that_no_disk_takes_is_made_all_the_same(monkeypatch: pytest.Monkey
 
 COMPILES_MUCH = """
 from endoct.base.compute.compiled import compiled
-from endoct.base.compute.compiling import when_compiling
+from endoct.base.compute.own_process import when_compiling
 
 when_compiling(lambda: print("compiling"))
 

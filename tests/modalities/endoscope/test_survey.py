@@ -9,13 +9,13 @@ from typing import Any
 import cv2
 import pytest
 
-from endoct.base.compute import spool
+from endoct.base.compute import memory
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope import flatfield, motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
 from endoct.modalities.registry import open_recording
-from endoct.stitching.motion import textures
+from endoct.stitching.motion import matching
 from endoct.stitching.motion.feed import Feed, estimate_feed
 
 
@@ -61,8 +61,8 @@ def kept_and_peak(stream: Again, monkeypatch: pytest.MonkeyPatch) -> tuple[int, 
 
 def test_memory_hardly_grows_with_frames(quick_specimen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A frame more costs less than a few thousand bytes; its strip alone is more than 60 kB, twice that as floats."""
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
-    monkeypatch.setattr(textures, "AT_A_TIME", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(matching, "AT_A_TIME", 1)
     monkeypatch.setattr(flatfield, "MOST_FRAMES", 6)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # how many frames are worked on at once is no matter here
     few, many = (kept_and_peak(Again(quick_specimen / "endoscope", n), monkeypatch) for n in (12, 36))
@@ -75,6 +75,6 @@ def test_a_survey_by_way_of_the_disk_is_the_same(quick_specimen: Path, monkeypat
     """To the last byte."""
     stream = Again(quick_specimen / "endoscope", 11)
     in_memory = survey_frames(stream, EndoscopeParameters())
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
-    monkeypatch.setattr(textures, "AT_A_TIME", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(matching, "AT_A_TIME", 1)
     assert pickle.dumps(survey_frames(stream, EndoscopeParameters())) == pickle.dumps(in_memory)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from endoct.base.compute import spool
+from endoct.base.compute import memory
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct import survey
@@ -65,7 +65,7 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
 
 def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slice more costs less than a few thousand bytes; its 96 A-scans alone are 130 kB."""
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(levels, "POOLED_SLICES", 4)  # beyond so many, the A-scans judged together do not grow
     kept_and_peak(4, monkeypatch)  # what libraries cache at the first call is no slice's
     few, many = (kept_and_peak(n, monkeypatch) for n in (12, 36))
@@ -77,7 +77,7 @@ def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_survey_by_way_of_the_disk_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the last byte."""
     in_memory = survey.survey_pullback(Again(12), PARAMETERS)
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
     assert pickle.dumps(survey.survey_pullback(Again(12), PARAMETERS)) == pickle.dumps(in_memory)
 
 

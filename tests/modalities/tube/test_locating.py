@@ -6,8 +6,7 @@ from printed_tube import TUBE
 from tolerances import TUBE_PLACE_MM, TUBE_PLACE_RAD
 
 from endoct.base.errors import NotSeen
-from endoct.modalities.tube.locating import COLUMNS
-from endoct.modalities.tube.recognition import check_rings, clear_pose
+from endoct.modalities.tube.locating import COLUMNS, check_rings, clear_pose
 
 ROWS_MM = 0.25 * np.arange(32)
 

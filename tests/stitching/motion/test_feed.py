@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 from tolerances import FEED_ATOL_MM, ROLL_ATOL_RAD
 
-from endoct.base.compute.spool import Computed, Kept
+from endoct.base.compute.memory import Computed, Kept
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian, wrap_rad
-from endoct.stitching.motion import textures
+from endoct.stitching.motion import matching
 from endoct.stitching.motion.feed import Feed, estimate_feed, robust_chain
-from endoct.stitching.motion.warp import Motion, refine_motion
+from endoct.stitching.motion.warp import Motion, Texture, refine_motion
 
 DZ_MM = 0.015
 RADIUS_MM = 1.25
@@ -190,7 +190,7 @@ def test_a_wrong_link_is_overruled_by_the_others() -> None:
 
 
 def textures_at_once(strips: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What :func:`textures.keep_textures` keeps, made of all strips at once, blurred by 2 rows and 3 columns."""
+    """What :func:`matching.keep_textures` keeps, made of all strips at once, blurred by 2 rows and 3 columns."""
     seen = np.isfinite(strips)
 
     def median(values: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
@@ -215,14 +215,14 @@ def test_strips_made_ready_a_few_at_a_time_are_those_of_all_at_once(
     n: int, missing: float, at_a_time: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """To the last bit."""
-    monkeypatch.setattr(textures, "AT_A_TIME", at_a_time)
+    monkeypatch.setattr(matching, "AT_A_TIME", at_a_time)
     rng = np.random.default_rng(n)
     strips = rng.standard_normal((n, 20, 64)).astype(np.float32)
     strips[rng.random(strips.shape) < missing] = np.nan
     if missing:
         strips[:, 7, 9] = strips[2] = np.nan
-    with Kept[textures.Texture]() as ready:
-        textures.keep_textures(ready, strips, None, 2.0, 3.0)
+    with Kept[Texture]() as ready:
+        matching.keep_textures(ready, strips, None, 2.0, 3.0)
         edges, seen = (np.stack(parts) for parts in zip(*ready, strict=True))
     np.testing.assert_array_equal(edges, textures_at_once(strips))
     np.testing.assert_array_equal(seen, np.isfinite(strips))

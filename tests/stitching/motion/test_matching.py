@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from endoct.base.compute.spool import Kept
+from endoct.base.compute.memory import Kept
 from endoct.stitching.motion.matching import Matcher
-from endoct.stitching.motion.textures import Texture
+from endoct.stitching.motion.warp import Texture
 
 
 def test_places_are_the_same_whether_spectra_are_held_or_not(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from endoct.base.compute.compiling import announce_compiling
+from endoct.base.compute.own_process import announce_compiling
 from endoct.base.errors import EndoctError
 from endoct.workbench.running.progress import (
     COMPILING,

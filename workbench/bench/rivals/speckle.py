@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, gaussian_filter1d, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import logarithmic, sector_means

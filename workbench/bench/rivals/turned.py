@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.stitching.panorama import Panorama

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from endoct.base.compute import spool
-from endoct.base.compute.spool import Computed, Kept
+from endoct.base.compute import memory
+from endoct.base.compute.memory import Computed, Kept
 from endoct.base.errors import EndoctError
 
 
 @pytest.mark.parametrize("most_in_memory", [1, 2**20])
 def test_what_is_kept_comes_back(most_in_memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", most_in_memory)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", most_in_memory)
     with Kept[Any]() as items:
         for k in range(5):
             items.append((k, np.full(100 * k, k, np.float32)))
@@ -27,7 +27,7 @@ def test_what_is_kept_comes_back(most_in_memory: int, monkeypatch: pytest.Monkey
 
 
 def test_nothing_stays_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     with Kept[bytes]() as items:
         items.append(bytes(10_000))
@@ -35,7 +35,7 @@ def test_nothing_stays_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_disk_that_cannot_be_written_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spool, "MOST_IN_MEMORY", 1)
+    monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
     with pytest.raises(EndoctError, match=r"temporary file .* TMPDIR"), Kept[bytes]() as items:
         items.append(bytes(10_000))

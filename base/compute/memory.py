@@ -1,11 +1,18 @@
-"""What is kept of every frame or strip, on disk once it is much: memory then does not grow with the recording."""
+"""Memory for long recordings: items that go to disk once they are many, arrays used again, memory given back."""
 
+import ctypes
 import pickle
+import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from math import prod
 from tempfile import TemporaryFile
 from threading import Lock
-from typing import IO, Generic, NamedTuple, TypeVar, cast, overload
+from typing import IO, Any, Generic, NamedTuple, TypeVar, cast, overload
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 from endoct.base.errors import EndoctError, system_cause
 
@@ -16,7 +23,7 @@ Item = TypeVar("Item")
 
 
 class Computed(Sequence[Item]):
-    """A sequence whose items are made anew whenever one is asked for: item ``i`` is ``make(i)``."""
+    """A sequence whose item ``i`` is ``make(i)``, made anew whenever it is asked for."""
 
     def __init__(self, n: int, make: Callable[[int], Item]) -> None:
         self._n, self._make = n, make
@@ -36,12 +43,12 @@ class Computed(Sequence[Item]):
 
 
 class Kept(Generic[Item]):
-    """Items put away one by one and read back, each time as another object, by index; a context that forgets them.
+    """Items appended one by one and read back by index, each time as a new object; a context that forgets them.
 
-    The first ``MOST_IN_MEMORY`` of them stay in memory, those after them go to a temporary file without a name, which
-    vanishes with the process however that ends. It is read, not mapped: pages of a map would count as memory in use.
-    What arrays hold is put away as it is, each in one piece. Raises :class:`EndoctError` where the file cannot be
-    written or read.
+    The first ``MOST_IN_MEMORY`` bytes stay in memory; later items go to a temporary file, so that memory does not grow
+    with the recording. The file has no name, and vanishes with the process however that ends. It is read, not mapped:
+    pages of a map would count as memory in use. Arrays are stored as they are, each in one piece. Raises
+    :class:`EndoctError` where the file cannot be written or read.
     """
 
     def __init__(self) -> None:
@@ -63,7 +70,7 @@ class Kept(Generic[Item]):
         return len(self._places)
 
     def append(self, item: Item) -> None:
-        """Put ``item``, which must be picklable, behind the others."""
+        """Append ``item``, which must be picklable."""
         arrays: list[pickle.PickleBuffer] = []
         rest = pickle.dumps(item, protocol=5, buffer_callback=arrays.append)
         pieces = [memoryview(rest), *(array.raw() for array in arrays)]
@@ -116,3 +123,43 @@ def _disk_reported(done: str) -> Iterator[None]:
             found=system_cause(error),
             remedy="free space in the folder for temporary files, or name another one in the variable TMPDIR",
         ) from error
+
+
+ALIGNED = 64
+"""The start of every array is a multiple of this many bytes, as vector instructions need it."""
+
+
+class Room(threading.local):
+    """Arrays of one thread by name, used again for one frame after the other; they go with the thread.
+
+    New arrays of some megabytes would be taken from the system, cleared page by page and given back with every frame.
+    That takes as long as the work on them.
+    """
+
+    def __init__(self) -> None:
+        self._bytes: dict[str, NDArray[np.uint8]] = {}
+
+    def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float32) -> NDArray[Any]:
+        """Return this thread's array ``name``, with whatever it held before; it is valid until the next such call.
+
+        It is aligned to ``ALIGNED`` bytes, so that vectorised sums always run in the same order.
+        """
+        n_bytes = prod(shape) * np.dtype(dtype).itemsize
+        kept = self._bytes.get(name)
+        if kept is None or kept.size < n_bytes:
+            room = np.empty(n_bytes + ALIGNED, np.uint8)
+            skipped = -room.ctypes.data % ALIGNED
+            kept = self._bytes[name] = room[skipped : skipped + n_bytes]
+        return kept[:n_bytes].view(dtype).reshape(shape)
+
+
+def give_back() -> None:
+    """Give free memory back to the system, where the C library can, as glibc on Linux does.
+
+    The C library keeps what threads have freed, in a heap of each thread, for their later requests. Between the steps
+    of a long recording that was up to 150 MB which nobody used any more.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)

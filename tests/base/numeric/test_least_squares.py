@@ -3,7 +3,7 @@
 import numpy as np
 from tolerances import COORDINATE_ATOL
 
-from endoct.base.numeric.harmonics import harmonics
+from endoct.base.numeric.least_squares import harmonics
 
 
 def test_harmonics_come_as_cosine_and_sine_of_each_order() -> None:
