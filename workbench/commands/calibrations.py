@@ -24,8 +24,7 @@ class Calibrate(CalibrateRequest):
 
     def __call__(self) -> int:
         """Calibrate, print what was measured, and return the exit status."""
-        from endoct.workbench.calibrating.calibration import calibrate
-        from endoct.workbench.calibrating.figure import figure_path
+        from endoct.workbench.calibrating.calibration import calibrate, figure_path
 
         measured, output = calibrate(replace(self, progress=command_stages(self.json))), Path(self.output)
         if self.json:

@@ -59,7 +59,7 @@ def layout(
         overwrite: replace the output if it exists
         json: print as JSON
     """
-    from endoct.workbench.bench.published.layouts import write_layout
+    from endoct.workbench.bench.published.examples import write_layout
 
     n_examples = write_layout(data, output, to, overwrite=overwrite, stages=command_stages(json))
     if json:
@@ -132,7 +132,7 @@ def check(
         methods: names of methods, separated by commas; default: all of the submission
         json: print as JSON
     """
-    from endoct.workbench.bench.published.checking import check as run
+    from endoct.workbench.bench.published.submission import check as run
 
     if sample < 1:
         raise EndoctError("--sample must be at least 1", found=str(sample))

@@ -30,8 +30,15 @@ from endoct.workbench.dataset.identity import NAME, check_identity, write_identi
 from endoct.workbench.dataset.identity import NAME as IDENTITY
 from endoct.workbench.dataset.loader import Specimens
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.dataset.records import RECORDS, finished
-from endoct.workbench.dataset.set_files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
+from endoct.workbench.dataset.set_files import (
+    DAMAGED,
+    RECORDS,
+    WRITTEN,
+    count_damaged,
+    finished,
+    settle_written,
+    top_file,
+)
 from endoct.workbench.dataset.specimen_table import LICENCE, readme, write_manifest
 from endoct.workbench.dataset.specimen_table import NAME as MANIFEST
 from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen

@@ -11,8 +11,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.dataset.records import RECORDS, made_beyond
-from endoct.workbench.dataset.set_files import top_file
+from endoct.workbench.dataset.set_files import RECORDS, made_beyond, top_file
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import ranges_text
 

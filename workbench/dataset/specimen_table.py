@@ -9,8 +9,7 @@ from pathlib import Path
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
-from endoct.workbench.dataset.records import MadeSpecimen, Scalar, read_record
-from endoct.workbench.dataset.set_files import top_file
+from endoct.workbench.dataset.set_files import MadeSpecimen, Scalar, read_record, top_file
 from endoct.workbench.pipeline.settings import ranges_text
 
 NAME = "manifest.csv"

@@ -19,16 +19,18 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
-from endoct.workbench.dataset.records import (
+from endoct.workbench.dataset.set_files import (
     MadeSpecimen,
     Record,
     Scalar,
+    digest_of,
     finished,
+    put_unit,
     read_record,
     sound_record,
+    store_and_digest,
     write_record,
 )
-from endoct.workbench.dataset.set_files import digest_of, put_unit, store_and_digest
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 if TYPE_CHECKING:

@@ -1,23 +1,30 @@
-"""Two sides to one comparison, step by step."""
+"""Compare two sides step by step, and write the folder of the comparison.
+
+The folder holds each side's panorama with pictures of its frames, the result, and a report with its figures. What one
+step has made is stored and drawn while the next ones are done.
+"""
 
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.drawn_mask import DrawnMask
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.files.cell_table import write_cells
 from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
 from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session
+from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.sides import Comparison
+from endoct.fusion.sides import Comparison, Placed
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.comparison_folder import REPORT, ComparisonFolder, Pictured
-from endoct.workbench.pipeline.hand_masks import score_drawings
-from endoct.workbench.pipeline.inputs import doubt_of_inputs, versions
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pipeline.hand_masks import Against, score_drawings, write_drawings, write_mask
+from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -29,16 +36,23 @@ from endoct.workbench.pipeline.sources import (
     unroll_sources,
 )
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
-from endoct.workbench.pipeline.unrolling import Unrolled
+from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
+from endoct.workbench.report.figures.begun import Figures, begin_both, begin_sides
+from endoct.workbench.report.figures.rendered import FIGURES
+from endoct.workbench.report.findings import both_sides, findings_of
+from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.scheduler import ALONE, Scheduler
+from endoct.workbench.running.scheduler import ALONE, Scheduler, Task
 
-if TYPE_CHECKING:
-    from endoct.workbench.requests import CompareRequest
+REPORT = "endoct.workbench.page.report", FIGURES
+"""A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
+
+Pictured = Unrolled | Path | None
+"""What pictures of a side's frames come from: the recording as it was unrolled, or the store of a panorama."""
 
 
 def compare_sources(
-    request: "CompareRequest", output: Path | None, stages: Stages, scheduler: Scheduler = ALONE
+    request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler = ALONE
 ) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
@@ -124,3 +138,58 @@ def _check_truth(path: Path) -> None:
     simulated = (path / "recording.json").is_file()
     if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
         read_drawing(path, None)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonFolder:
+    """The folder of a comparison while it is written; ``stored`` and ``figures`` are the tasks begun so far."""
+
+    path: Path
+    sides: tuple[Side, Side]
+    scheduler: Scheduler
+    stored: list[Task[None]] = field(default_factory=list)
+    figures: list[Figures] = field(default_factory=list)
+
+    def begin(self, pictured: Sequence[Pictured]) -> None:
+        """Make the folder, and begin to store and draw each side, which does not depend on the alignment."""
+        self.path.mkdir()
+        for side, of in zip(self.sides, pictured, strict=True):
+            self.stored.append(self.scheduler.begin(store_side, self.path, side.name, side.panorama, of))
+        self.figures.append(begin_sides(self.path, [side.name for side in self.sides], self.scheduler))
+
+    def draw(self, placed: Placed) -> None:
+        """Begin the figures of both sides as they were ``placed``, while scores are computed."""
+        panoramas = [side.panorama for side in self.sides]
+        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
+        self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
+
+    def write(self, comparison: Comparison, against: Against) -> None:
+        """Write the comparison, its cells, and the masks it was held ``against``."""
+        save_comparison(comparison, self.path / "comparison.zarr")
+        write_cells(comparison.cells, self.path / "cells.csv")
+        if against.consensus is not None:
+            write_mask(against.consensus, comparison.grid, self.path / "consensus.png")
+        write_drawings(against, comparison.grid, self.path)
+        for task in self.stored:
+            task.result()
+
+    def write_result(self, comparison: Comparison) -> None:
+        """Write ``result.json``."""
+        text = json_text(comparison.result.to_json())
+        (self.path / "result.json").write_text(text + "\n", encoding="utf-8")
+
+    def write_report(self, comparison: Comparison) -> None:
+        """Write the page and its figures, once everything else is in the folder."""
+        from endoct.workbench.page.report import write_comparison_report  # was loaded while sides were unrolled
+
+        findings = findings_of(comparison, [side.panorama for side in self.sides], {})
+        write_comparison_report(self.path, findings, self.figures)
+
+
+def store_side(folder: Path, name: str, panorama: Panorama, pictured: Pictured) -> None:
+    """Write the panorama of a side and pictures of its frames into the ``folder`` of a comparison."""
+    save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
+    if isinstance(pictured, Unrolled):
+        save_sample_frames(pictured, folder, name)
+    elif pictured is not None:
+        copy_sample_frames(pictured, folder, name)

@@ -1,12 +1,19 @@
-"""Examples with truth: bores of the simulator, recorded by its endoscope and unrolled like any recording."""
+"""Examples with truth: bores of the simulator, recorded by its endoscope and unrolled like any recording.
+
+They are varied far beyond the simulator: other light, other bone, other mirrors, depth that is worse or missing. A
+network that was trained on one world believes in it. So brightness and depth are each spoilt in their own way, and now
+and then one of the two must do.
+"""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
+from torch import Tensor
+from torch.nn.functional import conv2d, interpolate, pad, relu
 
 from endoct.base.compute.parallel import Advance
 from endoct.fusion.evidence.evidence import on_grid
@@ -23,11 +30,23 @@ from endoct.synthetic.truth import write_truth
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.training.variation import Example
 
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")
-"""Bores take turns."""
+"""Bores are drawn from these in turn."""
 FIRST_SEED = 7000
+ROWS = 192
+DARKEST, BRIGHTEST = 1.5, -0.75
+NEAREST, DEEPEST = -1 / 3, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """``channels``, float32 (4, n_z, n_theta), as the network is given them; ``cell``, share of each sample, (n_z,
+    n_theta).
+    """
+
+    channels: Tensor
+    cell: Tensor
 
 
 def bores(n: int) -> list[tuple[PresetName, int]]:
@@ -65,3 +84,96 @@ def example_of(panorama: Panorama, cell: np.ndarray) -> Example:
     truth = replace(darkness, values=cell.astype(np.float32), valid=np.ones(cell.shape, np.bool_))
     share = on_grid(truth, inputs.z_mm, inputs.channels.shape[2]).values
     return Example(torch.from_numpy(inputs.channels), torch.from_numpy(share))
+
+
+def varied(examples: list[Example], batch: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Return ``batch`` pieces of ``examples``, drawn and varied: (batch, 4, ``ROWS``, n_theta), and their cells.
+
+    All are interpolated to as many columns as the first has. Draws of ``rng`` decide everything but noise, which is
+    torch's.
+    """
+    n_theta = examples[0].cell.shape[1]
+    pieces = [_piece(examples[int(rng.integers(len(examples)))], n_theta, rng) for _ in range(batch)]
+    channels, cell = torch.stack([one for one, _ in pieces]), torch.stack([two for _, two in pieces])
+    observed = (channels[:, 3] > 0.5).float()
+    darkness = _other_light(channels[:, 0], cell, rng)
+    relief, trust = _other_depth(channels[:, 1], channels[:, 2], rng)
+    seen = torch.stack([darkness, relief, trust, torch.ones_like(trust)], dim=1) * observed[:, None]
+    return seen, cell
+
+
+def _piece(example: Example, n_theta: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Return some rows, turned, perhaps mirrored or upside down, and stretched along z."""
+    both = torch.cat([example.channels, example.cell[None]])
+    rows = round(ROWS * float(np.exp(rng.uniform(-0.3, 0.3))))
+    if both.shape[1] < rows:
+        both = pad(both, (0, 0, 0, rows - both.shape[1]), mode="replicate")
+    first = int(rng.integers(both.shape[1] - rows + 1))
+    both = torch.roll(both[:, first : first + rows], int(rng.integers(both.shape[2])), 2)
+    flipped = [axis for axis in (1, 2) if rng.random() < 0.5]
+    both = interpolate(both.flip(flipped)[None], (ROWS, n_theta), mode="bilinear", align_corners=False)[0]
+    return both[:4], both[4]
+
+
+def _other_light(darkness: Tensor, cell: Tensor, rng: np.random.Generator) -> Tensor:
+    """Return darkness with other contrast, floors, texture, bands, stains, blur and noise."""
+
+    def some(low: float, high: float) -> Tensor:
+        return _each(darkness, rng.uniform(low, high, len(darkness)))
+
+    def often(share: float) -> Tensor:
+        return (some(0, 1) < share).float()
+
+    darkness = darkness * torch.exp(some(-0.7, 0.5))
+    darkness = torch.where((cell > 0.5) & (often(0.5) > 0), darkness * torch.exp(some(-1.2, 0.2)), darkness)
+    for size in (2, 4, 8, 20, 60):
+        darkness = darkness + _clouds(darkness, size) * some(0, 0.06) * often(0.6)
+    along, around = torch.randn_like(darkness[:, :, :1]), torch.randn_like(darkness[:, :1, :])
+    darkness = darkness + along * some(0, 0.03) * often(0.3) + around * some(0, 0.02) * often(0.3)
+    stains = relu(_clouds(darkness, float(rng.uniform(8, 40))) - 1.6)
+    darkness = darkness + stains * some(0, 0.5) * often(0.4) * (1 - cell)
+    if rng.random() < 0.5:
+        darkness = _blurred(darkness, float(rng.uniform(0.4, 1.6)))
+    noisy = darkness + torch.randn_like(darkness) * some(0, 0.06)
+    return noisy.clamp(BRIGHTEST, DARKEST)
+
+
+def _other_depth(relief: Tensor, trust: Tensor, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Return relief of another scale, pulled towards the wall, noisier, with gaps or none at all, and trust in it."""
+
+    def some(low: float, high: float) -> Tensor:
+        return _each(relief, rng.uniform(low, high, len(relief)))
+
+    def often(share: float) -> Tensor:
+        return (some(0, 1) < share).float()
+
+    pulled = torch.where(often(0.35) > 0, some(0, 1), torch.ones_like(relief))
+    relief = torch.where(relief > 0, relief * pulled, relief) * torch.exp(some(-0.3, 0.25))
+    noise = some(0, 0.08) * often(0.5)
+    relief = relief + noise * (_clouds(relief, 4) + _clouds(relief, 12))
+    trust = trust / (1 + 6 * noise)
+    gaps = (_clouds(relief, float(rng.uniform(4, 30))) > some(0.3, 3)).float()
+    known = (1 - gaps) * (1 - often(0.25)) * (trust > 0).float()
+    return relief.clamp(NEAREST, DEEPEST) * known, trust * known
+
+
+def _each(like: Tensor, values: np.ndarray) -> Tensor:
+    """Return one value for each of a batch, (batch, 1, 1)."""
+    return torch.as_tensor(values, dtype=torch.float32, device=like.device)[:, None, None]
+
+
+def _clouds(like: Tensor, size: float) -> Tensor:
+    """Return noise of deviation 1 that varies over ``size`` samples, of the shape of ``like``, a circle around."""
+    batch, n_z, n_theta = like.shape
+    coarse = torch.randn(batch, 1, max(2, int(n_z / size)), max(2, int(n_theta / size)), device=like.device)
+    closed = torch.cat([coarse, coarse[..., :1]], dim=3)
+    return interpolate(closed, (n_z, n_theta), mode="bicubic", align_corners=True)[:, 0]
+
+
+def _blurred(images: Tensor, sigma: float) -> Tensor:
+    """Return ``images`` (batch, n_z, n_theta) blurred by a Gaussian of ``sigma`` samples."""
+    reach = max(1, int(3 * sigma))
+    taps = torch.exp(-0.5 * (torch.arange(-reach, reach + 1, device=images.device) / sigma) ** 2)
+    taps = taps / taps.sum()
+    around = conv2d(pad(images[:, None], (reach, reach, 0, 0), mode="circular"), taps.view(1, 1, 1, -1))
+    return conv2d(pad(around, (0, 0, reach, reach), mode="replicate"), taps.view(1, 1, -1, 1))[:, 0]

@@ -9,9 +9,8 @@ import torch
 from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.learned.network import Eye, load_eye
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.training.fitting import fitted, loss_of
-from endoct.workbench.training.train import WEIGHTS, train
-from endoct.workbench.training.variation import ROWS, Example, varied
+from endoct.workbench.training.examples import ROWS, Example, varied
+from endoct.workbench.training.train import WEIGHTS, fitted, loss_of, train
 
 
 def example(seed: int) -> Example:
