@@ -1,4 +1,4 @@
-"""Examples of a published set: arrays of every task, a training that learns from them, and layouts of other libraries."""
+"""Examples of a published set: arrays of every task, learning from them, and layouts of other libraries."""
 
 import json
 from pathlib import Path
