@@ -13,6 +13,7 @@ from endoct.workbench.commands.console import TextConsole, command_stages, print
 from endoct.workbench.requests import UNSET, OutputPath
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
+SET = "endoct-bench-1"
 WIDE = 200
 
 
@@ -121,9 +122,6 @@ def train(
     )
     print_line(f"weights: {output / WEIGHTS}; use them with --set eye={output / WEIGHTS}")
     return DONE
-
-
-SET = "endoct-bench-1"
 
 
 def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = False) -> int:

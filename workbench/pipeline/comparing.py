@@ -5,10 +5,11 @@ step has made is stored and drawn while the next ones are done.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
 from endoct.fusion.evidence.drawn_mask import DrawnMask
@@ -24,7 +25,7 @@ from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import Against, score_drawings, write_drawings, write_mask
-from endoct.workbench.pipeline.inputs import doubt_of_inputs, json_text, versions
+from endoct.workbench.pipeline.inputs import json_text, versions
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -92,7 +93,7 @@ def compare_sources(
             folder.write(comparison, against)
     of_inputs = tuple(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
     result = comparison.result
-    if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_inputs)):
+    if comparison.alignment is not None and (doubt := _doubt_of_inputs(*of_inputs)):
         result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
     result = result.completed(
         truth=against.truth,
@@ -117,6 +118,21 @@ def compare_sources(
     for path, state in files.items():
         check_unchanged(path, state)
     return comparison
+
+
+def _doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
+    """Return a doubt where two sides were made from the same files, sidecars left out.
+
+    ``a`` and ``b`` are as :func:`~endoct.base.files.files.digests` has them.
+    """
+    of_a, of_b = ({digest for name, digest in each.items() if not name.endswith(".toml")} for each in (a, b))
+    if not of_a or of_a != of_b:
+        return None
+    what = (
+        "Both sides were made from the same files, so this is a recording compared with itself: how well they agree "
+        "says nothing of two recordings."
+    )
+    return Doubt("compared-with-itself", what)
 
 
 def _pictured(source: Source, ready: Ready) -> Pictured:
