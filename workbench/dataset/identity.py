@@ -1,6 +1,7 @@
 """What ``dataset.json`` says about a data set, and whether arguments agree with it."""
 
 import json
+import socket
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -116,8 +117,6 @@ def read_identity(root: Path) -> Identity:
 
 def check_worker(root: Path) -> None:
     """Raise :class:`EndoctError` where this process cannot see the data set, or would make it differently."""
-    import socket
-
     where = f"the worker on {socket.gethostname()}"
     path = root / NAME
     if not path.exists():

@@ -6,18 +6,23 @@ same bytes from any machine.
 
 import json
 import shutil
+import tarfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
+from endoct.workbench.dataset.loader import read_specimen
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
 from endoct.workbench.dataset.set_files import (
     MadeSpecimen,
@@ -35,12 +40,19 @@ from endoct.workbench.running.refusals import refusing_disk_errors
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-import tarfile
-from io import BytesIO
 
-import numpy as np
-
-from endoct.workbench.dataset.loader import read_specimen
+AHEAD = 1
+"""Every thread of the cluster has so many units waiting, so that none runs dry."""
+POLL_S = 5.0
+LONELY_S = 60.0
+AGAIN = "start again with the same arguments; what is finished is kept"
+AS_THEY_ARE = {
+    "sample.json": "truth/sample.json",
+    "recording.json": "truth/recording.json",
+    "oct.toml": "oct/acquisition.toml",
+    "endoscope.toml": "endoscope/acquisition.toml",
+}
+"""These files of a specimen are in a shard as they are, by the endings of their names there."""
 
 Make = Callable[[Path, Plan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""
@@ -165,12 +177,6 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-AHEAD = 1  # units that every thread of the cluster has waiting, so that none runs dry
-POLL_S = 5.0
-LONELY_S = 60.0
-AGAIN = "start again with the same arguments; what is finished is kept"
-
-
 def make_here(root: Path, plan: Plan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
     """Make the units one after the other in this process."""
     for unit in wanted:
@@ -235,14 +241,6 @@ def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
     except EndoctError:
         remove_abandoned(root)
         raise
-
-
-AS_THEY_ARE = {
-    "sample.json": "truth/sample.json",
-    "recording.json": "truth/recording.json",
-    "oct.toml": "oct/acquisition.toml",
-    "endoscope.toml": "endoscope/acquisition.toml",
-}
 
 
 @contextmanager
