@@ -1,7 +1,7 @@
 """The checkpoint of a run of the bench, so that a stopped run resumes, and what a run states about itself.
 
-``RESULTS.unfinished`` lies next to the output. It holds ``run.json``, what is run and with what, and a file of rows
-for every source of cases that all methods have been run on. Each file appears whole or not at all, and the folder
+``RESULTS.unfinished`` lies next to the output. Its ``run.json`` says what is run and with what. A file of rows follows
+for every source of cases on which all methods have been run. Each file appears whole or not at all, and the folder
 goes when the output is complete.
 
 A run states what is run, with which versions, and on which machine.

@@ -72,9 +72,9 @@ Source = tuple[int, int] | Path
 class Row:
     """What came of one method on one case.
 
-    ``status``: "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
-    "missing" (a library it needs is not installed), all but the first with a ``reason``. ``seconds`` of wall time in
-    the method alone, ``cpu_seconds`` over all its threads.
+    ``status`` is "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
+    "missing" (a library is not installed). All but "ok" have a ``reason``. ``seconds`` are wall time in the method
+    alone, ``cpu_seconds`` those of all its threads.
     """
 
     case: str
@@ -252,7 +252,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> dict[str, Range]:
     """Return the ranges of ``task``, of which those in ``wanted`` ("name=low..high", "name=word|word") are replaced.
 
-    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied: all others
+    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied. All others
     that are not in ``wanted`` stay at the middle of their range, or at their first word. Raises :class:`EndoctError`
     for a condition that the task does not have, or a range that cannot be drawn from.
     """

@@ -35,7 +35,7 @@ def calibrate(request: CalibrateRequest) -> Measurement:
 
     Arguments are those of :class:`~endoct.workbench.requests.CalibrateRequest`. The figure lies next to ``output``, by
     the same name with ``.png``. Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does
-    not show the tube's marks, or the tube's diameter contradicts it; nothing is written then.
+    not show the tube's marks, or the tube's diameter contradicts it. Nothing is written in these cases.
     """
     recording, target, output = Path(request.recording), Path(request.target), Path(request.output)
     modality, overwrite, stages = request.modality, request.overwrite, stages_for(request.progress)

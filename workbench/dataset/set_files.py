@@ -129,8 +129,8 @@ Scalar = bool | int | float | str
 class MadeSpecimen:
     """One finished specimen.
 
-    ``digest`` is the sha256 of the lines of ``sha256sum`` over its files as simulated, sorted by path, so it is the
-    same for a folder and in a shard; ``parameters`` are all drawn numbers and words, "part.name" → value.
+    ``digest`` is the sha256 of the lines of ``sha256sum`` over its files as simulated, sorted by path. So it is the
+    same for a folder and in a shard. ``parameters`` are all drawn numbers and words, "part.name" → value.
     """
 
     index: int

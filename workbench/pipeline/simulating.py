@@ -35,8 +35,8 @@ def simulate(request: SimulateRequest) -> None:
     Arguments are those of :class:`~endoct.workbench.requests.SimulateRequest`. ``vary`` says what parameters are drawn
     from, "part.name" → (low, high) or words, where not by the preset. ``bone`` is a CT or a segmentation of one to
     drill into, from ``entry_mm`` to ``target_mm`` (:func:`endoct.synthetic.bone.patient.stated_volume`). Raises
-    :class:`EndoctError` for a parameter that there is not or a range that cannot be, for a bone that cannot be drilled
-    so, and where ``output`` exists and ``overwrite`` is not set.
+    :class:`EndoctError` for an unknown parameter, an impossible range, or a bone that cannot be drilled so. So it does
+    where ``output`` exists and ``overwrite`` is not set.
 
     >>> from endoct.workbench import simulate
     >>> simulate("specimen", preset="learning", seed=7, vary={"oct.wall_db": (12.0, 14.0)})

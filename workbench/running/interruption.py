@@ -1,7 +1,7 @@
 """Interrupts that are not lost, and that end a command in time.
 
-Python drops exceptions that are raised in a finalizer, and some libraries those raised while they are imported; and it
-raises none while a library computes, or while it waits for threads that do.
+Python drops exceptions that are raised in a finalizer. Some libraries drop those raised while they are imported. And
+Python raises none while a library computes, or while it waits for threads that do.
 """
 
 import signal

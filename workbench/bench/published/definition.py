@@ -1,7 +1,7 @@
 """What a published benchmark consists of: its tasks, the kinds of its specimens, and the seeds of each.
 
-Definitions are shipped as TOML, next to this module. A seed follows from the key of its half, the kind and a number,
-so that a half has one key: the public half's is in the definition, the hidden half's stays with the maintainers.
+Definitions are shipped as TOML, next to this module. A seed follows from the key of its half, the kind and a number.
+So a half has one key. That of the public half is in the definition, that of the hidden half stays with the maintainers.
 """
 
 import tomllib

@@ -40,9 +40,9 @@ class Examples:
     - segmentation: ``intensity``, ``depth_mm`` f32 (0 of a side without depth), ``has_depth``, ``valid``, and the truth
       ``cell`` bool, all (z, θ);
     - stitching: ``strips`` f32 and ``valid`` (strip, row, column), ``pitch_mm``, and the true ``z_mm``, ``roll_rad``;
-    - oct: ``recording`` (slice, depth, A-scan) as recorded, and the true ``start_angle_rad``, ``turn_length``,
-      ``rotation_error_cos_rad``, ``rotation_error_sin_rad``, ``z_mm`` of each slice, and the wall, ``relief_mm`` and
-      ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
+    - oct: ``recording`` (slice, depth, A-scan) as recorded; of each slice the true ``start_angle_rad``,
+      ``turn_length``, ``rotation_error_cos_rad``, ``rotation_error_sin_rad`` and ``z_mm``; and of the true wall
+      ``relief_mm`` and ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
     - alignment: ``a_…`` and ``b_…`` as for segmentation, and where B truly lies: ``z_in_a_mm`` for each row of B, NaN
       where A does not reach, and ``theta_in_a_rad`` for each column;
     - depth: ``intensity`` and ``valid`` (z, θ), and the true ``relief_mm`` and ``cell``;
@@ -167,7 +167,7 @@ Layout = Literal["huggingface", "webdataset"]
 DARK, BRIGHT = 1.0, 99.0
 """Percentiles of the valid samples that become 0 and 255 of a picture."""
 DEPTH_A_COUNT_MM = 0.01
-"""Of pictures of depth; 0 is the nominal wall, and what lies before it."""
+"""A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
 ARRAYS = ("intensity", "depth_mm", "valid", "cell")
 
 

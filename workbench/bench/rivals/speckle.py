@@ -1,10 +1,10 @@
 """How far the catheter turned from one A-scan to the next, from how fast the speckle of bone changes.
 
 After Uribe-Patarroyo and Bouma (2015), "Rotational distortion correction in endoscopic optical coherence tomography
-based on speckle decorrelation", Optics Letters 40, 5518. Two A-scans see the same speckle as far as the spot sees the
-same place, so that their correlation falls with the square of the way between them. The ruler is the recording
-itself: on average it turned by one A-scan from one to the next. The way a spot goes for an angle is as long as the
-wall is far, and what noise there is lowers all correlations alike, by how bright the bone is.
+based on speckle decorrelation", Optics Letters 40, 5518. Two A-scans see the same speckle as far as their spots
+overlap, so their correlation falls with the square of the way between them. The ruler is the recording itself: on
+average it turned by one A-scan from one to the next. For one angle, a spot goes farther the farther away the wall is.
+Noise lowers all correlations of equally bright bone alike.
 """
 
 from pathlib import Path
@@ -182,8 +182,8 @@ def _reach_mm(base: Panorama, acquisition: OctAcquisition) -> Coordinates:
 def _smooth_factors(faster: Coordinates, weights: Coordinates) -> Coordinates:
     """Return the factors of :func:`_basis` of every slice, float64 (n_slices, 1 + 2·orders), from speeds less one.
 
-    Friction changes slowly along the bore. So a slice is first taken for what it has in common with those around it,
-    as far as that stands out, and differs from that by a share.
+    Friction changes slowly along the bore. So a slice is first taken to turn as its neighbours do, as far as that
+    stands out. It then differs from that by a share.
     """
     middle = 2 * np.pi * (np.arange(WINDOWS) + 0.5) / WINDOWS
     rates = _basis(middle)[1]

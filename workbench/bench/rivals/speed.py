@@ -154,8 +154,8 @@ CONTRAST = 0.3
 def by_the_paper(bscan: Any) -> tuple[Image, Image]:
     """Unroll a B-scan as Laves 2019 (Image undistortion) says, each step by the function scikit-image has for it.
 
-    Wavelets take the noise away, contrast is equalised, a local threshold leaves lines; a sine is fitted by RANSAC to
-    every pixel that is not zero; the image is moved by its inverse and cropped behind it, and projected.
+    Wavelets take the noise away, contrast is equalised, and a local threshold leaves lines. RANSAC fits a sine to
+    every pixel that is not zero. The image is moved by the sine's inverse, cropped behind it, and projected.
     """
     image = bscan.astype(np.float32) / max(float(bscan.max()), 1.0)
     enhanced = equalize_adapthist(np.clip(denoise_wavelet(image), 0, 1))

@@ -61,8 +61,8 @@ class LocatedSide:
 class Located:
     """Where the panoramas of a bore lie, in the order in which they were given; None for one that was left aside.
 
-    Of two, the one with depth has to be located: the judge goes by it. ``covariance``, of methods that state
-    how sure they are: the covariance (3, 3) in mm² of the axis, across it, at a place (3,) along it, LPS.
+    Of two, the one with depth has to be located: the judge goes by it. Methods that state how sure they are have a
+    ``covariance``: (3, 3) in mm², of the axis across it, at a place (3,) along it, LPS.
     """
 
     sides: tuple[LocatedSide | None, ...]

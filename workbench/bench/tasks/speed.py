@@ -1,8 +1,8 @@
 """The task "speed": seconds and memory of the steps that take time, beside the textbook's way to the same answer.
 
-Every job runs in a process of its own: once untimed, so that nothing is loaded or compiled in a timed run, and then as
-often as the case wants; `endoct unroll` is run as a program, from its start to its end. A method's answer is judged as
-well, since a fast wrong answer is no rival.
+Every job runs in a process of its own. It runs once untimed, so that nothing is loaded or compiled in a timed run, and
+then as often as the case wants. `endoct unroll` is run as a program, from its start to its end. A method's answer is
+judged as well, since a fast wrong answer is no rival.
 """
 
 from collections.abc import Callable, Mapping, Sequence
