@@ -85,8 +85,8 @@ def make_dataset(
     Or the workers of the dask ``scheduler`` at that address do, which must see ``output`` under the same name. The
     bytes depend on none of that. A script that calls this with more than one worker needs the usual
     ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else, another run is at
-    work in it, or a worker does not see it. It is also raised where the disk is full or read-only, or a specimen cannot be
-    made.
+    work in it, or a worker does not see it. It is also raised where the disk is full or read-only, or a specimen cannot
+    be made.
     """
     start = time.perf_counter()
     stages = stages or SilentStages()

@@ -199,7 +199,7 @@ def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str
 
 
 SIDE_PX = 480
-"""Of each frame, at most."""
+"""Each frame of the picture has at most this height or width."""
 MOST_UNEVEN = 2.0
 """How much longer than the other one side of a frame may be; a turn of 14 000 A-scans is drawn narrower."""
 GAP_PX = 6

@@ -19,7 +19,7 @@ from endoct.base.cleanup import undo_all
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 PATIENCE_S = 1.3
-"""Between a signal and the end of a process that has not ended by itself; users wait two seconds at most."""
+"""A process that has not ended by itself ends so long after the signal. Users wait two seconds at most."""
 
 _interrupted = Event()
 

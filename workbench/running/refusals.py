@@ -121,6 +121,6 @@ def refusing_disk_errors(folder: Path) -> Iterator[None]:
 
 DONE, UNUSABLE_INPUT, WRONG_USAGE, NOT_ALIGNED, INTERRUPTED = 0, 1, 2, 3, 130
 DOUBTED = NOT_ALIGNED
-"""With ``--strict``: done, but there is a doubt."""
+"""The status with ``--strict`` where all is done, but there is a doubt."""
 UNTOLD = 3
-"""Of `pose`: done, but where the bore lies cannot be told."""
+"""The status of `pose` where all is done, but the place of the bore remains unknown."""

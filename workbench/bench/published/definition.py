@@ -27,7 +27,7 @@ Half = Literal["public", "hidden"]
 Split = Literal["train", "validation", "test"]
 DIFFICULTIES: tuple[Difficulty, ...] = ("easy", "middle", "hard")
 LEFT_OUT_BITS = 11
-"""Of 64 that are drawn: what is left, a double of any program that reads JSON holds exactly."""
+"""Of the 64 bits that are drawn so many are left out, so that any program that reads JSON holds a seed exactly."""
 FULL = 5
 """A full set has so many times the specimens of a small one."""
 SPLIT_OF: tuple[Split, ...] = ("train", "validation", "train", "train")

@@ -86,8 +86,8 @@ def make_set(
 
     ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
     left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where ``output`` holds something else
-    or a specimen cannot be made. It is also raised where a specimen that is there was changed, and where the set differs from
-    the published one by more than rounding.
+    or a specimen cannot be made. It is also raised where a specimen that is there was changed, and where the set
+    differs from the published one by more than rounding.
     """
     definition = load_definition(name)
     if (half == "hidden") == (key is None):

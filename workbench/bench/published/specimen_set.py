@@ -34,9 +34,9 @@ SIDES = ("oct", "endoscope")
 PANORAMAS = tuple(f"{side}.zarr" for side in SIDES)
 MOST_SET_BYTES = 16_000_000
 ROUNDED = 0.01
-"""By so much two means differ at most of samples that are equal but for rounding: of 0.0002 of them, by a count."""
+"""Means of samples that are equal but for rounding differ by less: 0.0002 of the samples differ by a count."""
 ROUNDED_UNROLLED = 0.5
-"""By so much the means of two panoramas differ at most that are unrolled from such recordings: 0.21 was met."""
+"""Means of panoramas that are unrolled from such recordings differ by less: the largest so far was 0.21."""
 
 
 class Entry(Stored):

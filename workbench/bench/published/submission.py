@@ -219,7 +219,7 @@ def _digest(content: dict[str, Any]) -> str:
 
 
 NEAR = 1e-6
-"""Relative: scores that differ by less are the same but for the last bits, which depend on the processor."""
+"""Scores that differ relatively by less are the same but for the last bits, which depend on the processor."""
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,11 @@ from endoct.workbench.bench.rivals.turned import nominal_rad, unrolled_as_turned
 
 MOST_ASCANS = 512
 BLUR = 1.5
-"""In A-scans and in rows of depth, before every second row is compared."""
+"""Slices are blurred by so many A-scans and rows of depth before every second row is compared."""
 REACH_RAD = 0.25
-"""By so much a course may lie off the turn that fits the slice as a whole."""
+"""A course may lie off the turn that fits the slice as a whole by this angle."""
 STEP_COST = 1.0
-"""Of a course that goes on by one A-scan more or less than an even turn, as a correlation."""
+"""A step by one A-scan more or less than an even turn costs so much, as a correlation."""
 SMOOTH_RAD = 0.1
 
 

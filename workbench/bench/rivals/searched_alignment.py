@@ -25,7 +25,7 @@ from endoct.workbench.bench.tasks.alignment import orientations_between
 SEARCHED_PX, SEARCHED_STEPS = 16, 2
 """Pixels of the search, in samples of A, and how many of them lie between two places that are tried."""
 LEAST_SHARED = 0.4
-"""Of B's rows, in the search."""
+"""In the search, A and B share at least this part of B's rows."""
 REFINED_PX = (4, 2)
 BINS = 32
 ELASTIX_LEVELS, ELASTIX_STEPS = 4, 500
@@ -131,7 +131,7 @@ def _matrix_of(transform: Callable[[tuple[float, float]], Any]) -> Coordinates:
 
 
 MARGIN = 0.25
-"""By so much of its size elastix sees more of A than lies under B."""
+"""Elastix sees more of A than lies under B, by this share of B's size."""
 
 
 def _by_elastix(itk: Any, flat: Flat, start: Coordinates) -> Coordinates:

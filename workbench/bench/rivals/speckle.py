@@ -29,27 +29,27 @@ MOST_ASCANS = 1024
 STEP_MM = 0.016
 """The way along the wall over which speckle is compared: about the width of a spot."""
 WINDOWS = 32
-"""In which speed is measured, around the turn."""
+"""Speed is measured in so many windows around the turn."""
 LEVELS_DB = (2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 17.0)
-"""Over the noise; bone between two of them is one class, and darker bone is left out."""
+"""Bone between two of these levels over the noise is one class. Darker bone is left out."""
 SMOOTH_ASCANS, SMOOTH_ROWS, DETREND = 8.0, 3.0, 6.0
 THICK_ROWS, THICK_SHARE = 31, 0.8
 """Bone is bright over so many rows; what is thinner are reflections."""
 LEAST_MM = 0.85
-"""Before this depth there is the catheter's sheath."""
+"""The catheter's sheath lies before this depth."""
 FAR = 3
 """Steps after which nothing of the speckle is left."""
 NEAREST_MM = 0.15
-"""By so much the wall may lie off the nominal bore; what lies deeper is a cell."""
+"""The wall may lie off the nominal bore by so much. What lies deeper is a cell."""
 RATIOS = 0.05, 5.0
 ORDERS = range(1, 5)
 LEAST_RAD, USUAL_LENGTH, DIFFERENT = 0.01, 0.02, 0.36
-"""Of the first harmonic (others in proportion to 1/h), of a turn's length, and of a slice from those around it."""
+"""The least first harmonic (others go by 1/h), the usual error of a turn's length, a slice's share of its own."""
 UNSURE_RAD = 0.02
 """How wrong the first harmonic common to all slices may be (others in proportion to 1/h), however many there are."""
 NEIGHBOURS = 8
 SIGMA_RAD = 0.04
-"""Of angles by speckle, over a turn: 2.4° in the median of 16 recordings near the axis, tuning seeds."""
+"""Angles by speckle are off by so much over a turn: 2.4° in the median of 16 recordings near the axis, tuning seeds."""
 FLOOR_PERCENT = 3
 LEAST_WEIGHT, LEAST_LIKENESS = 0.1, 0.05
 SLOWEST, SLOWEST_FALL = 0.2, 0.1

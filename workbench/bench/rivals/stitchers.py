@@ -32,7 +32,7 @@ from endoct.workbench.bench.tasks.stitching import StripPoses
 AROUND = 32
 """Columns by which a strip is continued at either end."""
 ENLARGED, LEAST_CONFIDENCE = 3, 0.3
-"""For OpenCV's features, which are as large as a strip of 64 rows."""
+"""OpenCV's features are as large as a strip of 64 rows, so strips are enlarged for them."""
 LEAST_AREA = 0.3
 """OpenCV fits affine maps; one that shrinks a strip to less is none."""
 
@@ -130,7 +130,7 @@ def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> Strip
 
 
 LEAST_QUALITY = 0.55
-"""Of the rank correlation by which multiview-stitcher judges its own pairs."""
+"""Pairs are trusted above this rank correlation, by which multiview-stitcher judges its own."""
 
 
 def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
