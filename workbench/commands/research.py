@@ -107,8 +107,8 @@ def train(
         device: where to fit; bores are always simulated on the CPU
         overwrite: replace the output if it exists
     """
-    from endoct.workbench.training.train import WEIGHTS
-    from endoct.workbench.training.train import train as train_eye
+    from endoct.workbench.training import WEIGHTS
+    from endoct.workbench.training import train as train_eye
 
     train_eye(
         output,

@@ -57,8 +57,8 @@ def compare_sources(
 ) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
-    Raises :class:`EndoctError` where a side or a setting cannot be used, an input is changed while it is read, or the
-    session was made on other sides.
+    Raises :class:`EndoctError` where a side or a setting cannot be used, an input changes while it is read, or the
+    session is of other sides.
     """
     start = time.perf_counter()
     parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")

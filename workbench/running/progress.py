@@ -1,7 +1,7 @@
 """Progress of a command or a function, stage by stage: on a terminal, in a notebook, a log file, or nowhere.
 
-In a notebook it is one small table under the cell, drawn anew as the work goes on. :func:`stages_for` says where a
-Python function displays its progress.
+In a notebook it is one small table under the cell, drawn anew as the work goes on. Where a Python function displays its
+progress is up to :func:`stages_for`.
 """
 
 import html

@@ -41,8 +41,8 @@ DIFFICULTIES: Mapping[str, Range] = {
 }
 """A simulated specimen can differ from its preset in these, by default within these ranges.
 
-They are the share of the OCT's slices that are black, the one size of all its cells, and any parameter that ``endoct
-simulate --vary`` takes.
+They are the share of the OCT's slices that are black and the one size of all its cells. Any parameter that ``endoct
+simulate --vary`` takes is one as well.
 """
 
 

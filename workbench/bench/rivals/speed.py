@@ -30,7 +30,7 @@ from endoct.workbench.running.measured import Measured, measure_calls
 
 MOST_ROUNDS = 1000
 Chain = Callable[[Any], tuple[Image, Image]]
-"""It takes a B-scan (A-scan, depth), and gives the depth behind the face, px, and the brightness of the wall by A-scan."""
+"""It takes a B-scan (A-scan, depth), and returns the depth behind the face, px, and the wall's brightness by A-scan."""
 
 
 def literal(work: Work) -> Measured[Any]:

@@ -1,10 +1,14 @@
-"""Examples with truth: bores of the simulator, recorded by its endoscope and unrolled like any recording.
+"""Train a learned eye from nothing: make examples, fit the network, write its weights and a card that says on what.
 
-They are varied far beyond the simulator: other light, other bone, other mirrors, depth that is worse or missing. A
-network that was trained on one world believes in it. So brightness and depth are each spoilt in their own way, and now
-and then one of the two must do.
+Examples are bores of the simulator, recorded by its endoscope and unrolled like any recording. They are varied far
+beyond the simulator: other light, other bone, other mirrors, depth that is worse or missing. A network that was trained
+on one world believes in it. So brightness and depth are each spoilt in their own way, and now and then one of the two
+must do.
+
+The loss is cross-entropy, which makes the network's answers probabilities, and overlap.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,13 +16,17 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
-from torch import Tensor
-from torch.nn.functional import conv2d, interpolate, pad, relu
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy_with_logits, conv2d, interpolate, pad, relu
 
 from endoct.base.compute.parallel import Advance
+from endoct.base.errors import EndoctError
+from endoct.base.files.output import new_output
 from endoct.fusion.evidence.evidence import on_grid
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.learned.inputs import inputs_of
+from endoct.fusion.segmentation.learned.network import Eye, save_eye
+from endoct.modalities.device import Device, check_device
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
@@ -27,9 +35,10 @@ from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.recordings import write_endoscope
 from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.truth import write_truth
+from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
-from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.running.progress import SilentStages, Stages
 
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")
 """Bores are drawn from these in turn."""
@@ -37,16 +46,94 @@ FIRST_SEED = 7000
 ROWS = 192
 DARKEST, BRIGHTEST = 1.5, -0.75
 NEAREST, DEEPEST = -1 / 3, 1.0
+RATE, DECAY, LEAST_RATE = 2e-3, 1e-3, 2e-6
+WARM_UP = 100
+OVERLAP = 0.3
+"""The overlap (Dice) has this weight, the cross-entropy 1."""
+LARGEST_GRADIENT = 1.0
+KIND = "eye"
+MODALITY = "endoscope"
+WEIGHTS, CARD = f"{MODALITY}.safetensors", "card.json"
 
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """``channels``, float32 (4, n_z, n_theta), as the network is given them; ``cell``, share of each sample, (n_z,
-    n_theta).
+    """What the network is given, and the truth.
+
+    ``channels``, float32 (4, n_z, n_theta); ``cell``, the share of each sample that is cell, (n_z, n_theta).
     """
 
     channels: Tensor
     cell: Tensor
+
+
+def train(
+    output: Path, *, n_bores: int, steps: int, batch: int, seed: int, device: Device, overwrite: bool, stages: Stages
+) -> dict[str, object]:
+    """Train an eye for the endoscope into the folder ``output``; return its card.
+
+    On the CPU the same arguments give the same weights on one kind of machine. Raises :class:`EndoctError` where the
+    output or the device cannot be used.
+    """
+    for name, number in (("bores", n_bores), ("steps", steps), ("batch", batch)):
+        if number < 1:
+            raise EndoctError(f"an eye cannot be trained by {number} {name}", expected="at least 1")
+    check_device(device)
+    chosen = bores(n_bores)
+    with new_output(output, KIND, overwrite=overwrite) as folder:
+        folder.mkdir(exist_ok=True)
+        with stages.stage("examples") as advance:
+            examples = list(examples_of(chosen, advance))
+        with stages.stage("fit") as advance:
+            eye = fitted(examples, steps, batch, seed, device, advance)
+        card: dict[str, object] = {
+            "modality": MODALITY,
+            "trained_on": [f"{preset} {of}" for preset, of in chosen],
+            "steps": steps,
+            "batch": batch,
+            "seed": seed,
+            "device": device,
+            "versions": versions("torch"),
+        }
+        save_eye(eye, folder / WEIGHTS, card)
+        (folder / CARD).write_text(json.dumps(card, indent=1) + "\n", encoding="utf-8")
+    return card
+
+
+def fitted(examples: list[Example], steps: int, batch: int, seed: int, device: str, advance: Advance) -> Eye:
+    """Return a network after ``steps`` steps over ``batch`` pieces each.
+
+    On the CPU the same ``seed`` gives the same weights; a GPU adds up in another order.
+    """
+    torch.manual_seed(seed)
+    rng = np.random.default_rng(seed)
+    there = [Example(one.channels.to(device), one.cell.to(device)) for one in examples]
+    eye = Eye().to(device)
+    optimiser = torch.optim.AdamW(eye.parameters(), RATE, weight_decay=DECAY)
+    for step in range(steps):
+        for group in optimiser.param_groups:
+            cooling = 0.5 * (1 + np.cos(np.pi * step / steps))
+            group["lr"] = LEAST_RATE + RATE * cooling * min(1.0, (step + 1) / WARM_UP)
+        channels, cell = varied(there, batch, rng)
+        with torch.autocast("cuda", torch.bfloat16, enabled=device.startswith("cuda")):
+            logits = eye(channels)
+        optimiser.zero_grad()
+        loss = loss_of(logits.float(), cell, channels[:, 3])
+        loss.backward()  # type: ignore[no-untyped-call]
+        nn.utils.clip_grad_norm_(eye.parameters(), LARGEST_GRADIENT)
+        optimiser.step()
+        advance((step + 1) / steps)
+    return eye.eval()
+
+
+def loss_of(logits: Tensor, cell: Tensor, observed: Tensor) -> Tensor:
+    """Return the loss over the ``observed`` samples; all arguments are (batch, n_z, n_theta)."""
+    entropy = binary_cross_entropy_with_logits(logits, cell, reduction="none")
+    found, true = torch.sigmoid(logits) * observed, cell * observed
+    both = (found * true).sum(dim=(1, 2))
+    # with 50 samples more in both, a piece without cells says something too
+    overlap = (2 * both + 50) / (found.sum(dim=(1, 2)) + true.sum(dim=(1, 2)) + 50)
+    return (entropy * observed).sum() / observed.sum().clamp(min=1) + OVERLAP * (1 - overlap).mean()
 
 
 def bores(n: int) -> list[tuple[PresetName, int]]:

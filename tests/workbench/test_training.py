@@ -9,8 +9,7 @@ import torch
 from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.learned.network import Eye, load_eye
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.training.examples import ROWS, Example, varied
-from endoct.workbench.training.train import WEIGHTS, fitted, loss_of, train
+from endoct.workbench.training import ROWS, WEIGHTS, Example, fitted, loss_of, train, varied
 
 
 def example(seed: int) -> Example:
