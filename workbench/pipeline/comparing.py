@@ -20,6 +20,7 @@ from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
@@ -43,7 +44,7 @@ from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.scheduler import ALONE, Scheduler, Task
+from endoct.workbench.running.scheduler import Scheduler, Task
 
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
@@ -52,65 +53,56 @@ Pictured = Unrolled | Path | None
 """What pictures of a side's frames come from: the recording as it was unrolled, or the store of a panorama."""
 
 
-def compare_sources(
-    request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler = ALONE
-) -> Comparison:
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a request states, read: both sources, parameters of the comparison, files of truth, and a session."""
+
+    sources: tuple[Source, Source]
+    parameters: CompareParameters
+    truth: tuple[Path, ...]
+    session: Path | None
+
+    @property
+    def also(self) -> tuple[Path, ...]:
+        """The files that are read in addition to the sources."""
+        return self.truth if self.session is None else (*self.truth, self.session)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All that is read; panoramas at hand lie nowhere."""
+        return *(source.path for source in self.sources if source.path is not None), *self.also
+
+
+def compare_sources(request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
     Raises :class:`EndoctError` where a side or a setting cannot be used, an input changes while it is read, or the
     session is of other sides.
     """
     start = time.perf_counter()
-    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
-    truth = [Path(path) for path in request.truth]
-    session = None if request.session is None else Path(request.session)
-    sources = (
-        source_of(request.a, request.modality_a, request.settings_a, request.device),
-        source_of(request.b, request.modality_b, request.settings_b, request.device),
-    )
-    also = [*truth, *(() if session is None else (session,))]
-    paths = [source.path for source in sources if source.path is not None]  # panoramas at hand lie nowhere
-    files = {path: state_of(path) for path in (*paths, *also)}
+    given = _given(request)
+    files = {path: state_of(path) for path in given.paths}
     # whatever cannot be used is refused before the work of unrolling is done
-    opened = open_both(sources)
-    for path in truth:
+    opened = open_both(given.sources)
+    for path in given.truth:
         _check_truth(path)
-    landmarks = None if session is None else read_session(session)
+    landmarks = None if given.session is None else read_session(given.session)
     ready = unroll_sources(opened, stages, scheduler, meanwhile=() if output is None else REPORT)
     sides = read_sides(ready)
     if landmarks is not None:
-        check_sides(landmarks, [identity_of(side.name, side.panorama) for side in sides], str(session))
+        check_sides(landmarks, [identity_of(side.name, side.panorama) for side in sides], str(given.session))
     folder = None if output is None else ComparisonFolder(output, sides, scheduler)
     if folder is not None:
-        folder.begin([_pictured(*of) for of in zip(sources, ready, strict=True)])
+        folder.begin([_pictured(*of) for of in zip(given.sources, ready, strict=True)])
     with stages.stage("align, segment, score"):
-        pairs = () if landmarks is None else landmarks.pairs
-        comparison = compare_sides(*sides, parameters, pairs, when_placed=folder.draw if folder else lambda _: None)
-        drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
-        against = score_drawings(comparison, drawn, parameters.tolerance_mm)
+        pairs, draw = () if landmarks is None else landmarks.pairs, folder.draw if folder else lambda _: None
+        comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
+        drawn = {path_text(path): _truth(path, sides[0].panorama) for path in given.truth}
+        against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     if folder is not None:
         with stages.stage("write"):
             folder.write(comparison, against)
-    of_inputs = tuple(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
-    result = comparison.result
-    if comparison.alignment is not None and (doubt := _doubt_of_inputs(*of_inputs)):
-        result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
-    result = result.completed(
-        truth=against.truth,
-        raters=against.raters,
-        notes={side.name: side.panorama.notes for side in sides},
-        versions=versions(),
-        inputs={name: digest for each in (*of_inputs, *map(digests, also)) for name, digest in each.items()},
-        parameters={
-            "compare": parameters.model_dump(mode="json"),
-            **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},
-        },
-        seconds={
-            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-            "in all, before the report": round(time.perf_counter() - start, 3),
-        },
-    )
-    comparison = replace(comparison, result=result)
+    comparison = replace(comparison, result=_completed(comparison, against, sides, given, stages, start))
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -118,6 +110,42 @@ def compare_sources(
     for path, state in files.items():
         check_unchanged(path, state)
     return comparison
+
+
+def _given(request: CompareRequest) -> Given:
+    """Return what a request states. Raises :class:`EndoctError` for a setting that cannot be used."""
+    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
+    sources = (
+        source_of(request.a, request.modality_a, request.settings_a, request.device),
+        source_of(request.b, request.modality_b, request.settings_b, request.device),
+    )
+    session = None if request.session is None else Path(request.session)
+    return Given(sources, parameters, tuple(Path(path) for path in request.truth), session)
+
+
+def _completed(
+    comparison: Comparison, against: Against, sides: tuple[Side, Side], given: Given, stages: Stages, start: float
+) -> Result:
+    """Return the result with what it states of its inputs, and of the seconds since ``start``."""
+    of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
+    result = comparison.result
+    if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
+        result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
+    return result.completed(
+        truth=against.truth,
+        raters=against.raters,
+        notes={side.name: side.panorama.notes for side in sides},
+        versions=versions(),
+        inputs={name: digest for each in (of_a, of_b, *map(digests, given.also)) for name, digest in each.items()},
+        parameters={
+            "compare": given.parameters.model_dump(mode="json"),
+            **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},
+        },
+        seconds={
+            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+            "in all, before the report": round(time.perf_counter() - start, 3),
+        },
+    )
 
 
 def _doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
