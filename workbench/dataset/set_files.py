@@ -7,11 +7,16 @@ only where its record lists its bytes; else it stays, in ``damaged/`` or nearby.
 import hashlib
 import json
 import os
+import tarfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, differences, sync
@@ -38,6 +43,20 @@ def digest_of(files: Files) -> str:
     """Return the sha256 of the lines "sha256  path", sorted by path: that of ``sha256sum`` over them all."""
     lines = "".join(f"{sha}  {path}\n" for path, (_, sha) in sorted(files.items()))
     return hashlib.sha256(lines.encode("utf-8", "surrogatepass")).hexdigest()  # damaged records have any letters
+
+
+def add_array(tar: tarfile.TarFile, name: str, values: NDArray[Any]) -> None:
+    """Add an array to a tar file, as ``.npy``."""
+    buffer = BytesIO()
+    np.save(buffer, values, allow_pickle=False)
+    add_member(tar, name, buffer.getvalue())
+
+
+def add_member(tar: tarfile.TarFile, name: str, data: bytes) -> None:
+    """Add a file to a tar file, with the same bytes from any machine."""
+    info = tarfile.TarInfo(name)  # owner, time and rights are those of TarInfo: nobody, 1970, 644
+    info.size = len(data)
+    tar.addfile(info, BytesIO(data))
 
 
 def put_unit(made: Path, place: Path, scratch: Path, root: Path, known: tuple[Files, ...]) -> None:

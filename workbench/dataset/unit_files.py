@@ -12,12 +12,9 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from io import BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import scratch_next_to
@@ -28,6 +25,8 @@ from endoct.workbench.dataset.set_files import (
     MadeSpecimen,
     Record,
     Scalar,
+    add_array,
+    add_member,
     digest_of,
     finished,
     put_unit,
@@ -253,11 +252,9 @@ def new_shard(path: Path) -> Iterator[tarfile.TarFile]:
 def add_specimen(tar: tarfile.TarFile, name: str, folder: Path) -> None:
     """Add the specimen in ``folder``: its arrays as ``NAME.array.npy``, its sidecars and what was drawn as they are."""
     for array, values in read_specimen(folder).items():
-        buffer = BytesIO()
-        np.save(buffer, values, allow_pickle=False)
-        _add(tar, f"{name}.{array}.npy", buffer.getvalue())
+        add_array(tar, f"{name}.{array}.npy", values)
     for member, path in AS_THEY_ARE.items():
-        _add(tar, f"{name}.{member}", (folder / path).read_bytes())
+        add_member(tar, f"{name}.{member}", (folder / path).read_bytes())
 
 
 def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
@@ -266,9 +263,3 @@ def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
         for member in old:
             if (file := old.extractfile(member)) is not None:
                 tar.addfile(member, file)
-
-
-def _add(tar: tarfile.TarFile, member: str, data: bytes) -> None:
-    info = tarfile.TarInfo(member)  # owner, time and rights are those of TarInfo: nobody, 1970, 644
-    info.size = len(data)
-    tar.addfile(info, BytesIO(data))

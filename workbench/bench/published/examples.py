@@ -5,7 +5,6 @@ Hugging Face: a folder a split with 8-bit PNG and ``metadata.jsonl``, as its ``i
 file a split with arrays as ``.npy``, nothing lost. The set itself is Zarr, which xarray opens.
 """
 
-import io
 import json
 import tarfile
 from collections.abc import Callable, Iterator, Mapping
@@ -23,6 +22,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.specimen_set import Entry, read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
+from endoct.workbench.dataset.set_files import add_array, add_member
 from endoct.workbench.running.kinds import EXPORT
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -237,16 +237,8 @@ def _write_shard(root: Path, split: Split, examples: Iterator[tuple[str, Example
     with tarfile.open(root / f"{split}-000000.tar", "w", format=tarfile.USTAR_FORMAT) as shard:
         for name, example, facts in examples:
             for array in ARRAYS:
-                content = io.BytesIO()
-                np.save(content, example[array], allow_pickle=False)
-                _add(shard, f"{name}.{array}.npy", content.getvalue())
-            _add(shard, f"{name}.json", json.dumps(facts).encode())
-
-
-def _add(shard: tarfile.TarFile, name: str, content: bytes) -> None:
-    member = tarfile.TarInfo(name)  # no time and no owner: the same bytes from any machine
-    member.size = len(content)
-    shard.addfile(member, io.BytesIO(content))
+                add_array(shard, f"{name}.{array}.npy", example[array])
+            add_member(shard, f"{name}.json", json.dumps(facts).encode())
 
 
 _WRITERS: Mapping[Layout, Callable[[Path, Split, Iterator[tuple[str, Example, dict[str, str]]]], None]] = {
