@@ -12,11 +12,8 @@ from pathlib import Path
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
-from endoct.fusion.evidence.drawn_mask import DrawnMask
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.cell_table import write_cells
-from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
-from endoct.fusion.files.masks import mask_on, read_mask
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.parameters import CompareParameters
@@ -25,7 +22,14 @@ from endoct.fusion.sides import Comparison, Placed
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pipeline.hand_masks import Against, score_drawings, write_drawings, write_mask
+from endoct.workbench.pipeline.hand_masks import (
+    Against,
+    check_truth,
+    score_drawings,
+    truth_on,
+    write_drawings,
+    write_mask,
+)
 from endoct.workbench.pipeline.inputs import json_text, versions
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
@@ -37,7 +41,6 @@ from endoct.workbench.pipeline.sources import (
     source_of,
     unroll_sources,
 )
-from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
 from endoct.workbench.report.figures.begun import Figures, begin_both, begin_sides
 from endoct.workbench.report.figures.rendered import FIGURES
@@ -85,7 +88,7 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
     # whatever cannot be used is refused before the work of unrolling is done
     opened = open_both(given.sources)
     for path in given.truth:
-        _check_truth(path)
+        check_truth(path)
     landmarks = None if given.session is None else read_session(given.session)
     ready = unroll_sources(opened, stages, scheduler, meanwhile=() if output is None else REPORT)
     sides = read_sides(ready)
@@ -97,7 +100,7 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
     with stages.stage("align, segment, score"):
         pairs, draw = () if landmarks is None else landmarks.pairs, folder.draw if folder else lambda _: None
         comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
-        drawn = {path_text(path): _truth(path, sides[0].panorama) for path in given.truth}
+        drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     if folder is not None:
         with stages.stage("write"):
@@ -167,21 +170,6 @@ def _pictured(source: Source, ready: Ready) -> Pictured:
     if isinstance(ready, Unrolled):
         return ready
     return source.path if isinstance(ready, Panorama) else None
-
-
-def _truth(path: Path, a: Panorama) -> DrawnMask:
-    """Return a mask drawn on ``a``, or what a simulated specimen's truth folder says ``a`` should show."""
-    if not (path / "recording.json").is_file():
-        return read_mask(path, like=a)
-    truth = load_truth(path.parent)
-    return mask_on(true_cells(truth, true_pose(a, truth), a), a, path)
-
-
-def _check_truth(path: Path) -> None:
-    """Raise :class:`EndoctError` for a truth that cannot be read; only a panorama shows what outlines enclose."""
-    simulated = (path / "recording.json").is_file()
-    if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
-        read_drawing(path, None)
 
 
 @dataclass(frozen=True, eq=False)
