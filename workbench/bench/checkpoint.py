@@ -31,6 +31,10 @@ from endoct.workbench.running.refusals import refusing_disk_errors
 
 Facts = dict[str, object]
 """Values that can be written as JSON, by name."""
+RUN = "run.json"
+_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
+MOST_BYTES = 16_000_000
+PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
 def plan_facts(plan: Plan) -> Facts:
@@ -69,12 +73,6 @@ def _processor() -> str:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()
-
-
-RUN = "run.json"
-_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
-MOST_BYTES = 16_000_000
-PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ from endoct.workbench.running.scheduler import one_blas_thread
 
 Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300
+MOST_SEEDS = 1_000_000
+LONGEST_SEED = 18
 
 
 @dataclass(frozen=True)
@@ -227,10 +229,6 @@ def _seed_global_generators(name: str) -> None:
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002 – the one that libraries draw from
     cv2.setRNGSeed(seed)
-
-
-MOST_SEEDS = 1_000_000
-LONGEST_SEED = 18
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

@@ -27,6 +27,11 @@ from endoct.workbench.running.progress import stages_for
 SAME_DIAMETER = 0.02
 """The sidecar's bore and the tube's are the same where they differ by less than this share."""
 DIGITS = 6
+COLUMNS = 3
+PANEL_IN = 3.2, 2.5
+LINE_IN = 0.2
+DPI = 150
+MOST_POINTS = 4000
 
 
 @by_request(CalibrateRequest)
@@ -104,13 +109,6 @@ def _rounded(value: object) -> object:
 
 def _significant(value: float) -> float:
     return float(f"{value:.2g}")
-
-
-COLUMNS = 3
-PANEL_IN = 3.2, 2.5
-LINE_IN = 0.2
-DPI = 150
-MOST_POINTS = 4000
 
 
 def figure_path(output: Path) -> Path:

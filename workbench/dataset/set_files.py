@@ -31,6 +31,8 @@ WRITTEN = ".written.json"
 
 Files = Mapping[str, tuple[int, str]]
 """Path → (bytes, sha256)."""
+RECORDS = "records"
+MOST_BYTES = 16_000_000
 
 
 def store_and_digest(path: Path) -> tuple[int, str]:
@@ -137,9 +139,6 @@ def _note_written(root: Path, written: Mapping[str, list[str]]) -> None:
     with new_file(root / WRITTEN) as file:
         file.write((json.dumps(written, indent=1) + "\n").encode())
 
-
-RECORDS = "records"
-MOST_BYTES = 16_000_000
 
 Scalar = bool | int | float | str
 

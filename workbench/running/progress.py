@@ -32,6 +32,8 @@ Advance = Callable[[float], None]
 LINE_EVERY_S = 5.0
 """Where that says nothing."""
 COMPILING = "compiling for the first use: up to half a minute, once"
+QUIET_S = 2.0
+"""Work that takes no longer shows no progress in Python."""
 
 
 class Stages(Protocol):
@@ -241,10 +243,6 @@ def progress_table(shares: dict[str, float], note: str = "") -> str:
         for title, share in shares.items()
     )
     return f"<table>{rows}</table>{html.escape(note)}"
-
-
-QUIET_S = 2.0
-"""Work that takes no longer shows no progress in Python."""
 
 
 def stages_for(progress: bool | Stages) -> Stages:

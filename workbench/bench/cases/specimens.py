@@ -44,6 +44,12 @@ DIFFICULTIES: Mapping[str, Range] = {
 They are the share of the OCT's slices that are black and the one size of all its cells. Any parameter that ``endoct
 simulate --vary`` takes is one as well.
 """
+LEAST_MM = 0.2
+DEPTHS_MM = (0.05, 1.5)
+DEEPEST = 1.1
+"""Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
+TRIES = 20
+"""Tries for each cell that would be needed if no two met."""
 
 
 def simulated(
@@ -132,14 +138,6 @@ def recordings_in(specimen: Path) -> list[Path]:
 def load_side(folder: Path, name: str) -> Panorama:
     """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
     return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
-
-
-LEAST_MM = 0.2
-DEPTHS_MM = (0.05, 1.5)
-DEEPEST = 1.1
-"""Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
-TRIES = 20
-"""Tries for each cell that would be needed if no two met."""
 
 
 def uniform_cells(rng: Generator, bore: Bore, opening_mm: float) -> tuple[Cell, ...]:

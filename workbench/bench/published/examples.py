@@ -29,6 +29,11 @@ from endoct.workbench.running.progress import Advance, Stages
 Example = dict[str, Any]
 Arrays = Mapping[str, NDArray[Any]]
 WHOLE_TURNS = ("start_angle_rad", "turn_length", "rotation_error_cos_rad", "rotation_error_sin_rad", "z_mm")
+DARK, BRIGHT = 1.0, 99.0
+"""Percentiles of the valid samples that become 0 and 255 of a picture."""
+DEPTH_A_COUNT_MM = 0.01
+"""A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
+ARRAYS = ("intensity", "depth_mm", "valid", "cell")
 
 
 class Examples:
@@ -164,11 +169,6 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
 
 
 Layout = Literal["huggingface", "webdataset"]
-DARK, BRIGHT = 1.0, 99.0
-"""Percentiles of the valid samples that become 0 and 255 of a picture."""
-DEPTH_A_COUNT_MM = 0.01
-"""A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
-ARRAYS = ("intensity", "depth_mm", "valid", "cell")
 
 
 def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool = False, stages: Stages) -> int:

@@ -36,6 +36,8 @@ from endoct.workbench.running.progress import Stages
 FORMAT = "endoct bench submission 1"
 NO_PROGRAMS: Mapping[str, str] = MappingProxyType({})
 MOST_BYTES = 64_000_000
+NEAR = 1e-6
+"""Scores that differ relatively by less are the same but for the last bits, which depend on the processor."""
 
 
 class Scored(Stored):
@@ -216,10 +218,6 @@ def is_submission(path: Path) -> bool:
 
 def _digest(content: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-NEAR = 1e-6
-"""Scores that differ relatively by less are the same but for the last bits, which depend on the processor."""
 
 
 @dataclass(frozen=True)

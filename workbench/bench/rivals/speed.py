@@ -31,6 +31,14 @@ from endoct.workbench.running.measured import Measured, measure_calls
 MOST_ROUNDS = 1000
 Chain = Callable[[Any], tuple[Image, Image]]
 """It takes a B-scan (A-scan, depth), and returns the depth behind the face, px, and the wall's brightness by A-scan."""
+MEDIAN = 3
+TRIALS = 200
+TOLERANCE_PX = 3.0
+BEHIND_PX = 6
+"""The face is blurred: what lies nearer behind it is the face itself."""
+BLOCK = 51
+CONTRAST = 0.3
+"""A pixel on a line is brighter than its surroundings by this part of full scale."""
 
 
 def literal(work: Work) -> Measured[Any]:
@@ -139,16 +147,6 @@ _TEXTBOOK: dict[str, Callable[..., Any]] = {
     "spectra": _levels,
 }
 _OPENCV: dict[str, Callable[..., Any]] = {"strips": _strips_by_opencv, "alignment": ecc}
-
-
-MEDIAN = 3
-TRIALS = 200
-TOLERANCE_PX = 3.0
-BEHIND_PX = 6
-"""The face is blurred: what lies nearer behind it is the face itself."""
-BLOCK = 51
-CONTRAST = 0.3
-"""A pixel on a line is brighter than its surroundings by this part of full scale."""
 
 
 def by_the_paper(bscan: Any) -> tuple[Image, Image]:
