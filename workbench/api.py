@@ -13,7 +13,7 @@ from endoct.modalities.device import check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.pipeline.demonstration import demonstrate
+from endoct.workbench.pipeline.simulating import demonstrate
 from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
 from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY, output_if_any
@@ -57,7 +57,7 @@ def unroll(request: UnrollRequest) -> Panorama:
         scheduler(needed=store is not None) as second,
     ):
         second.load(FIGURES)
-        from endoct.workbench.pipeline.unrolled_store import unroll_source
+        from endoct.workbench.pipeline.unrolling import unroll_source
 
         return unroll_source(request, store, stages, second)
 

@@ -9,8 +9,9 @@ from io import TextIOWrapper
 from threading import Event
 
 from endoct.base.compute.own_process import settle_in
+from endoct.base.errors import visible
 from endoct.workbench.running.interruption import ending_in_time, watch
-from endoct.workbench.running.refusals import DONE, INTERRUPTED, UNUSABLE_INPUT
+from endoct.workbench.running.refusals import DONE, INTERRUPTED, UNUSABLE_INPUT, in_one_line, tame_libraries
 
 INTERRUPTION = "interrupted; nothing was left half-written"
 
@@ -55,8 +56,6 @@ def _run() -> int:
 
         print(f"endoct {__version__}")  # noqa: T201
         return DONE
-    from endoct.workbench.running.refusals import in_one_line, tame_libraries
-
     try:
         from endoct.workbench.commands import run
 
@@ -93,8 +92,6 @@ def _end_interrupted(said: Event) -> None:
 
 
 def _print_error(line: str) -> None:
-    from endoct.base.errors import visible
-
     print(f"endoct: {visible(line)}", file=sys.stderr)  # noqa: T201
 
 

@@ -17,7 +17,7 @@ from endoct.modalities.device import Device
 from endoct.synthetic.sample.presets import PresetName
 
 UNSET = arg(help_behavior_hint="")
-"""Of an option without a value: its help names no default, its sentence says what holds then."""
+"""For an option without a value. Its help names no default, since its sentence says what holds then."""
 P = ParamSpec("P")
 Request = TypeVar("Request")
 Asked = TypeVar("Asked", contravariant=True)

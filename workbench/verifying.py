@@ -16,8 +16,15 @@ from endoct.workbench.dataset.creation import LOCK_NAME, TOP_FILES
 from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity
 from endoct.workbench.dataset.plan import Unit
-from endoct.workbench.dataset.records import RECORDS, Record, read_record
-from endoct.workbench.dataset.set_files import DAMAGED, WRITTEN, changed_top_files, digest_of
+from endoct.workbench.dataset.set_files import (
+    DAMAGED,
+    RECORDS,
+    WRITTEN,
+    Record,
+    changed_top_files,
+    digest_of,
+    read_record,
+)
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
 from endoct.workbench.running.kinds import DATA_SET, EXPORT, REPORT, SPECIMEN

@@ -237,7 +237,7 @@ def _records(path: Path) -> None:
     from benchmarks.fuzz.seed_sets import plan_of
     from endoct.workbench.dataset.identity import check_identity, check_worker
     from endoct.workbench.dataset.plan import units
-    from endoct.workbench.dataset.records import finished, read_record, sound_record
+    from endoct.workbench.dataset.set_files import finished, read_record, sound_record
 
     plan = plan_of(path)
     for unit in units(plan):

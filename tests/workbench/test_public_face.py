@@ -12,7 +12,7 @@ import pytest
 from endoct import workbench
 from endoct.base.errors import EndoctError
 from endoct.workbench import cli, compare, demo, export, pose, pose_outlook, simulate, summarise, unroll, verify
-from endoct.workbench.commands.completion import completion_script
+from endoct.workbench.commands import completion_script
 from endoct.workbench.running.refusals import in_one_line
 
 PUBLIC = (demo, simulate, unroll, compare, summarise, pose, pose_outlook, export, verify)

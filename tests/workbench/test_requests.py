@@ -10,10 +10,9 @@ import tyro
 from endoct.workbench import compare, pose, pose_outlook, simulate, unroll
 from endoct.workbench.calibrating.calibration import calibrate
 from endoct.workbench.calibrating.printed_tube import write_tube
-from endoct.workbench.commands.calibrations import Calibrate, Tube
 from endoct.workbench.commands.comparisons import Compare
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.recordings import Info, Unroll
+from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll
 from endoct.workbench.commands.simulations import Simulate
 from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (

@@ -123,7 +123,7 @@ def test_a_fault_of_our_own_keeps_its_trace(panorama: Path, run: Run, monkeypatc
 def test_memory_that_runs_out_leaves_nothing_half_written(
     short: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = "endoct.workbench.pipeline.unrolled_store"
+    store = "endoct.workbench.pipeline.unrolling"
     monkeypatch.setattr(f"{store}.save_panorama", _exhausted)
     monkeypatch.setattr(f"{store}.unroll_recording", lambda *_, **__: type("Made", (), {"panorama": None}))
     monkeypatch.setattr(f"{store}.begin_wall", lambda *_: None)

@@ -1,7 +1,7 @@
 """The checkpoint of a run of the bench, so that a stopped run resumes, and what a run states about itself.
 
-``RESULTS.unfinished`` lies next to the output. It holds ``run.json``, what is run and with what, and a file of rows
-for every source of cases that all methods have been run on. Each file appears whole or not at all, and the folder
+``RESULTS.unfinished`` lies next to the output. Its ``run.json`` says what is run and with what. A file of rows follows
+for every source of cases on which all methods have been run. Each file appears whole or not at all, and the folder
 goes when the output is complete.
 
 A run states what is run, with which versions, and on which machine.
@@ -31,6 +31,10 @@ from endoct.workbench.running.refusals import refusing_disk_errors
 
 Facts = dict[str, object]
 """Values that can be written as JSON, by name."""
+RUN = "run.json"
+_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
+MOST_BYTES = 16_000_000
+PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
 def plan_facts(plan: Plan) -> Facts:
@@ -69,12 +73,6 @@ def _processor() -> str:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or platform.machine()
-
-
-RUN = "run.json"
-_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
-MOST_BYTES = 16_000_000
-PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ from endoct.workbench.running.scheduler import one_blas_thread
 
 Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300
+MOST_SEEDS = 1_000_000
+LONGEST_SEED = 18
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,9 @@ Source = tuple[int, int] | Path
 class Row:
     """What came of one method on one case.
 
-    ``status``: "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
-    "missing" (a library it needs is not installed), all but the first with a ``reason``. ``seconds`` of wall time in
-    the method alone, ``cpu_seconds`` over all its threads.
+    ``status`` is "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
+    "missing" (a library is not installed). All but "ok" have a ``reason``. ``seconds`` are wall time in the method
+    alone, ``cpu_seconds`` those of all its threads.
     """
 
     case: str
@@ -229,10 +231,6 @@ def _seed_global_generators(name: str) -> None:
     cv2.setRNGSeed(seed)
 
 
-MOST_SEEDS = 1_000_000
-LONGEST_SEED = 18
-
-
 def parse_seeds(text: str) -> tuple[int, ...]:
     """Return the seeds of "1000-1009", "3,5,8" or both, each once. Raises :class:`EndoctError` for another form."""
     seeds: list[int] = []
@@ -252,7 +250,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> dict[str, Range]:
     """Return the ranges of ``task``, of which those in ``wanted`` ("name=low..high", "name=word|word") are replaced.
 
-    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied: all others
+    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied. All others
     that are not in ``wanted`` stay at the middle of their range, or at their first word. Raises :class:`EndoctError`
     for a condition that the task does not have, or a range that cannot be drawn from.
     """

@@ -1,10 +1,13 @@
-"""A recording of a printed tube to the file that later sidecars cite."""
+"""Calibrate by a recording of a printed tube: the file that later sidecars cite, and a figure of what was measured."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import tomli_w
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_unchanged, digests, path_text, sha256_of, state_of
@@ -14,7 +17,6 @@ from endoct.modalities.contract import CalibratingModality
 from endoct.modalities.registry import manifest_for, open_recording
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target, read_target
-from endoct.workbench.calibrating.figure import figure_path, write_figure
 from endoct.workbench.exporting.mark import BLANK, is_marked, mark
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import parse, split
@@ -23,8 +25,13 @@ from endoct.workbench.running.kinds import CALIBRATION
 from endoct.workbench.running.progress import stages_for
 
 SAME_DIAMETER = 0.02
-"""Relative, within which the sidecar's bore and the tube's are one."""
+"""The sidecar's bore and the tube's are the same where they differ by less than this share."""
 DIGITS = 6
+COLUMNS = 3
+PANEL_IN = 3.2, 2.5
+LINE_IN = 0.2
+DPI = 150
+MOST_POINTS = 4000
 
 
 @by_request(CalibrateRequest)
@@ -33,7 +40,7 @@ def calibrate(request: CalibrateRequest) -> Measurement:
 
     Arguments are those of :class:`~endoct.workbench.requests.CalibrateRequest`. The figure lies next to ``output``, by
     the same name with ``.png``. Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does
-    not show the tube's marks, or the tube's diameter contradicts it; nothing is written then.
+    not show the tube's marks, or the tube's diameter contradicts it. Nothing is written in these cases.
     """
     recording, target, output = Path(request.recording), Path(request.target), Path(request.output)
     modality, overwrite, stages = request.modality, request.overwrite, stages_for(request.progress)
@@ -102,3 +109,36 @@ def _rounded(value: object) -> object:
 
 def _significant(value: float) -> float:
     return float(f"{value:.2g}")
+
+
+def figure_path(output: Path) -> Path:
+    """Return where the figure of the calibration ``output`` lies."""
+    return output.with_suffix(".png")
+
+
+def write_figure(measured: Measurement, path: Path) -> None:
+    """Write the panels of a calibration as PNG, and its quantities with their standard errors below."""
+    rows = -(-len(measured.panels) // COLUMNS)
+    text_in = LINE_IN * len(measured.quantities)
+    size = COLUMNS * PANEL_IN[0], rows * PANEL_IN[1] + text_in + 0.3
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    places = figure.add_gridspec(
+        rows + 1, COLUMNS, height_ratios=[PANEL_IN[1]] * rows + [0.2 * len(measured.quantities)]
+    )
+    for k, panel in enumerate(measured.panels):
+        axes = figure.add_subplot(places[k // COLUMNS, k % COLUMNS])
+        some = slice(None, None, max(1, panel.x.size // MOST_POINTS))
+        axes.plot(panel.x[some], panel.y[some], ".", markersize=2, color="0.45")
+        if panel.line is not None:
+            order = np.argsort(panel.line[:, 0])
+            axes.plot(*panel.line[order].T, "-", linewidth=1, color="tab:red")
+        axes.set_title(panel.title, fontsize=8)
+        axes.set_xlabel(panel.x_label, fontsize=7)
+        axes.set_ylabel(panel.y_label, fontsize=7)
+        axes.tick_params(labelsize=6)
+    axes = figure.add_subplot(places[rows, :])
+    axes.axis("off")
+    lines = [f"{each.title}: {each.value:.6g} ± {each.sigma:.2g} {each.unit}" for each in measured.quantities]
+    axes.text(0, 1, "\n".join(lines), fontsize=7, va="top", family="monospace", transform=axes.transAxes)
+    figure.savefig(path, dpi=DPI, format="png", metadata={"Software": BLANK})

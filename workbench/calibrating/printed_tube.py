@@ -20,13 +20,14 @@ from endoct.workbench.requests import TargetRequest, by_request
 from endoct.workbench.running.kinds import TUBE
 
 LEAST_BORE_MM, MOST_BORE_MM = 1.5, 4.0
-"""Below, grooves of six pixels of a printer of 50 µm take too much of the wall; above, nothing sees the floors."""
+"""In narrower bores, grooves of six pixels of a 50 µm printer take too much of the wall. In wider ones, nothing sees
+their floors."""
 LENGTH_MM, WALL_MM = 12.0, 0.8
 STEP_Z_MM, N_AROUND = 0.05, 480
 EDGE_MM = 0.002
-"""Between the two places of the mesh that make one edge across z."""
+"""An edge across z is made of two rows of the mesh, this far before and behind it."""
 FLAT_MM = 0.4
-"""By which a flat outside, along the mouth's third of the tube, marks θ = 0 for the hand that mounts it."""
+"""A flat so deep, outside along the third of the tube at its mouth, marks θ = 0 for the hand that mounts it."""
 
 
 def tube_of(bore_diameter_mm: float) -> Target:

@@ -1,39 +1,39 @@
-"""The commands of `endoct`, as tyro reads them from their signatures and docstrings."""
+"""The commands of `endoct`, as tyro reads them from their signatures and docstrings, and their completion in shells."""
 
 import difflib
 import functools
 import io
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, redirect_stderr
-from typing import Any, get_args
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
+from typing import Any, Literal, get_args
 
 import tyro
+from tyro.conf import Positional
 
 from endoct.base.errors import visible
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.commands.calibrations import Calibrate, Tube
-from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
-from endoct.workbench.commands.completion import completion
-from endoct.workbench.commands.exports import export
 from endoct.workbench.commands.opening import open_folder
+from endoct.workbench.commands.outputs import Export, verify
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.publishing import board, check, layout, make, submit
-from endoct.workbench.commands.recordings import Info, Unroll, modalities
-from endoct.workbench.commands.research import bench, train
-from endoct.workbench.commands.simulations import Simulate, dataset, demo, warm_up
-from endoct.workbench.running.refusals import WRONG_USAGE, visible_lines
+from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll, modalities
+from endoct.workbench.commands.research import Bench, Submit, board, check, layout, make, train
+from endoct.workbench.commands.simulations import Dataset, Simulate, demo, warm_up
+from endoct.workbench.running.refusals import DONE, WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
 OF_BENCH: Mapping[str, Callable[..., Any]] = {
     "make": make,
-    "submit": submit,
+    "submit": Submit,
     "check": check,
     "board": board,
     "layout": layout,
 }
-"""Commands of published benchmarks. `endoct bench submit …` is `endoct bench-submit …`: `endoct bench` takes a task."""
+"""The commands of published benchmarks.
+
+`endoct bench` takes a task, so tyro gets `endoct bench submit …` as `endoct bench-submit …`.
+"""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -47,14 +47,14 @@ def run(arguments: Sequence[str]) -> int:
         "pose": Pose,
         "calibrate": Calibrate,
         "target": Tube,
-        "dataset": dataset,
-        "bench": bench,
+        "dataset": Dataset,
+        "bench": Bench,
         **{f"bench-{name}": command for name, command in OF_BENCH.items()},
         "train": train,
         "report": report,
         "serve": serve,
         "summarise": summarise,
-        "export": export,
+        "export": Export,
         "info": Info,
         "verify": verify,
         "modalities": modalities,
@@ -124,3 +124,32 @@ def _visible_errors() -> Iterator[None]:
             yield
     finally:
         sys.stderr.write(visible_lines(message.getvalue()))
+
+
+def completion(shell: Positional[Literal["bash", "zsh"]]) -> int:
+    """Print a shell's completion script: `endoct completion bash > ~/.local/share/bash-completion/completions/endoct`.
+
+    Args:
+        shell: the shell; with zsh, write it to a file _endoct in a folder of $fpath
+    """
+    print(completion_script(shell), end="")  # noqa: T201
+    return DONE
+
+
+def completion_script(shell: Literal["bash", "zsh"]) -> str:
+    """Return tyro's completion script for ``endoct``, which also completes paths where there is nothing else."""
+    script = io.StringIO()
+    try:
+        with redirect_stdout(script):
+            run(["--tyro-print-completion", shell])
+    except SystemExit:  # tyro leaves once it has printed
+        pass
+    # tyro's functions know options and subcommands only; every path would have to be typed out
+    return (
+        script.getvalue()
+        .replace("complete -F _tyro_endoct ", "complete -o default -o bashdefault -F _tyro_endoct ")
+        .replace(
+            "_describe 'endoct completions' completion_array",
+            "_describe 'endoct completions' completion_array || _files",
+        )
+    )

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional
 
-from endoct.workbench.commands.calibrations import Calibrate
 from endoct.workbench.commands.comparisons import Compare
 from endoct.workbench.commands.console import print_line
 from endoct.workbench.commands.poses import Pose
-from endoct.workbench.commands.recordings import Unroll
+from endoct.workbench.commands.recordings import Calibrate, Unroll
 from endoct.workbench.commands.simulations import Simulate
 from endoct.workbench.requests import UNSET
 from endoct.workbench.running.refusals import DONE

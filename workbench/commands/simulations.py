@@ -58,20 +58,8 @@ class Simulate(SimulateRequest):
         return DONE
 
 
-def dataset(
-    output: OutputPath,
-    count: int,
-    preset: PresetName = "learning",
-    seed: int = 0,
-    vary: Ranges = (),
-    format: Literal["folders", "webdataset"] = "folders",
-    labels: bool = False,
-    recordings_per_bore: int = 1,
-    workers: Annotated[int | None, UNSET] = None,
-    scheduler: Annotated[str | None, UNSET] = None,
-    dry_run: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True, eq=False)
+class Dataset:
     """Make a data set of many simulated specimens, or complete one.
 
     The same arguments give the same bytes on any machine. Started again, the command makes only what is missing;
@@ -93,20 +81,37 @@ def dataset(
         dry_run: make one specimen in a temporary folder and estimate what all would take
         json: print the result as JSON
     """
-    from endoct.workbench.dataset.creation import run_dataset
-    from endoct.workbench.dataset.plan import Plan
-    from endoct.workbench.pipeline.settings import parse_vary
 
-    plan = Plan(count, preset, seed, parse_vary(vary), format, labels, recordings_per_bore)
-    facts, lines = run_dataset(
-        output, plan, workers=workers, scheduler=scheduler, dry_run=dry_run, stages=command_stages(json)
-    )
-    if json:
-        print_json(facts)
-    else:
-        for line in lines:
-            print_line(line)
-    return DONE
+    output: OutputPath
+    count: int
+    preset: PresetName = "learning"
+    seed: int = 0
+    vary: Ranges = ()
+    format: Literal["folders", "webdataset"] = "folders"
+    labels: bool = False
+    recordings_per_bore: int = 1
+    workers: Annotated[int | None, UNSET] = None
+    scheduler: Annotated[str | None, UNSET] = None
+    dry_run: bool = False
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Make the data set, or estimate what it would take; print that, and return the exit status."""
+        from endoct.workbench.dataset.creation import run_dataset
+        from endoct.workbench.dataset.plan import Plan
+        from endoct.workbench.pipeline.settings import parse_vary
+
+        ranges, stages = parse_vary(self.vary), command_stages(self.json)
+        plan = Plan(self.count, self.preset, self.seed, ranges, self.format, self.labels, self.recordings_per_bore)
+        facts, lines = run_dataset(
+            self.output, plan, workers=self.workers, scheduler=self.scheduler, dry_run=self.dry_run, stages=stages
+        )
+        if self.json:
+            print_json(facts)
+        else:
+            for line in lines:
+                print_line(line)
+        return DONE
 
 
 def warm_up() -> int:

@@ -1,7 +1,4 @@
-"""A data set made, or what is missing of one; or a forecast of what that would take. What `endoct dataset` says.
-
-The contact sheet is a picture of some specimens of the data set, to look at before anything is done with it.
-"""
+"""Make a data set, or what is missing of one; or forecast what that would take. What `endoct dataset` prints of it."""
 
 import hashlib
 import math
@@ -14,11 +11,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
-
 from endoct.base.compute.own_process import undone_in_the_end
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
@@ -27,49 +19,21 @@ from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scr
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
-from endoct.workbench.dataset.identity import NAME as IDENTITY
-from endoct.workbench.dataset.loader import Specimens
+from endoct.workbench.dataset.overview import LICENCE, MANIFEST, SHEET, readme, write_contact_sheet, write_manifest
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.dataset.records import RECORDS, finished
-from endoct.workbench.dataset.set_files import DAMAGED, WRITTEN, count_damaged, settle_written, top_file
-from endoct.workbench.dataset.specimen_table import LICENCE, readme, write_manifest
-from endoct.workbench.dataset.specimen_table import NAME as MANIFEST
+from endoct.workbench.dataset.set_files import (
+    DAMAGED,
+    RECORDS,
+    WRITTEN,
+    count_damaged,
+    finished,
+    settle_written,
+    top_file,
+)
 from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
 from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
-
-SHEET = "contact_sheet.png"
-N_SPECIMENS = 8
-TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
-
-
-def write_contact_sheet(root: Path) -> None:
-    """Draw specimens spread evenly over the set in ``root``: the middle frame of both recordings, and the truth."""
-    specimens = Specimens(root)
-    chosen = np.unique(np.linspace(0, len(specimens) - 1, N_SPECIMENS).round().astype(int))
-    figure = Figure(figsize=(14, 0.4 + 2.1 * chosen.size), dpi=80, layout="constrained")
-    axes = figure.subplots(chosen.size, 4, squeeze=False, width_ratios=(1, 1, 0.85, 1.15))
-    for row, index in zip(axes, chosen, strict=True):
-        arrays, line = specimens[int(index)], specimens.rows[int(index)]
-        oct_, frames = arrays["oct"], arrays["endoscope"]
-        _draw(row[0], oct_[len(oct_) // 2], "gray")
-        _draw(row[1], oct_.mean(axis=1), "gray")
-        row[2].imshow(frames[len(frames) // 2])
-        _draw(row[3], np.clip(arrays["relief_mm"], 0, 1), "viridis")
-        row[3].contour(arrays["cell"], levels=[0.5], colors="white", linewidths=0.5)
-        row[0].set_ylabel(f"{line['name']}\n{line['split']}\n{line['bore.bone']}", fontsize=8)
-        for panel in row:
-            panel.set(xticks=[], yticks=[])
-    for panel, title in zip(axes[0], TITLES, strict=True):
-        panel.set_title(title, fontsize=9)
-    with top_file(root, SHEET) as file:
-        figure.savefig(file, format="png", metadata={"Software": None})
-
-
-def _draw(panel: Axes, image: NDArray[np.floating] | NDArray[np.uint8], colours: str) -> None:
-    panel.imshow(image, cmap=colours, aspect="auto", interpolation="antialiased")
-
 
 LOCK_NAME = ".lock"
 TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)
@@ -120,8 +84,9 @@ def make_dataset(
     ``workers`` processes of one thread each make it (default: one for each processor); one alone is this process.
     Or the workers of the dask ``scheduler`` at that address do, which must see ``output`` under the same name. The
     bytes depend on none of that. A script that calls this with more than one worker needs the usual
-    ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else or another run
-    is at work in it, a worker does not see it, the disk is full or read-only, or a specimen cannot be made.
+    ``if __name__ == "__main__":``. Raises :class:`EndoctError` where ``output`` holds something else, another run is at
+    work in it, or a worker does not see it. It is also raised where the disk is full or read-only, or a specimen cannot
+    be made.
     """
     start = time.perf_counter()
     stages = stages or SilentStages()
@@ -318,7 +283,7 @@ def run_dataset(
     try:
         built = make_dataset(output, plan, workers=workers, scheduler=scheduler, stages=stages)
     except KeyboardInterrupt:
-        kept = f"{output} is begun, and the same command goes on with it" if (output / IDENTITY).exists() else ""
+        kept = f"{output} is begun, and the same command goes on with it" if (output / NAME).exists() else ""
         raise KeyboardInterrupt(kept) from None
     manifest = output / MANIFEST
     digest = hashlib.sha256(manifest.read_bytes()).hexdigest()

@@ -1,6 +1,7 @@
 """What ``dataset.json`` says about a data set, and whether arguments agree with it."""
 
 import json
+import socket
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,8 +12,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.plan import Plan
-from endoct.workbench.dataset.records import RECORDS, made_beyond
-from endoct.workbench.dataset.set_files import top_file
+from endoct.workbench.dataset.set_files import RECORDS, made_beyond, top_file
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import ranges_text
 
@@ -117,8 +117,6 @@ def read_identity(root: Path) -> Identity:
 
 def check_worker(root: Path) -> None:
     """Raise :class:`EndoctError` where this process cannot see the data set, or would make it differently."""
-    import socket
-
     where = f"the worker on {socket.gethostname()}"
     path = root / NAME
     if not path.exists():

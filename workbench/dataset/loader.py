@@ -39,7 +39,7 @@ class Specimens:
     - ``endoscope`` u8 (frame, row, column, 3), RGB also where the recording is grey;
     - ``relief_mm`` f32, ``cell`` bool and ``cell_id`` i32, all (z, θ): the truth in the bore frame, row k at
       z = k·dz mm from the mouth, column j at θ = 2πj/n. It is cut where the set's shortest bore ends, beyond all
-      recordings, so that truth of many specimens can be stacked;
+      recordings. So truth of many specimens can be stacked;
     - ``labels.STORE.NAME`` where the set was made with labels, as :mod:`endoct.synthetic.labels` describes;
     - ``index``, of the specimen in the set.
 

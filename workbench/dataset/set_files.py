@@ -1,21 +1,29 @@
-"""Files of a data set: their digests, and how they come into it.
+"""The files of a data set: their digests, how they come into the set, and the records of what is finished.
 
-Whatever is replaced is removed only where its record lists its bytes; else it stays, in ``damaged/`` or nearby.
+A record is one file a unit, ``records/NAME.json``, written after what it describes. Whatever is replaced is removed
+only where its record lists its bytes; else it stays, in ``damaged/`` or nearby.
 """
 
 import hashlib
 import json
 import os
+import tarfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import Contents, differences, sync
-from endoct.base.files.files import plain_name, sha256_of
+from endoct.base.files.files import inside, plain_name, read_small, sha256_of
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import REPLACED, exchange, keep_aside, new_file, put_new, scratch_next_to, uninterrupted
+from endoct.workbench.dataset.plan import Plan, Unit, job, units
 
 DAMAGED = "damaged"
 WRITTEN = ".written.json"
@@ -23,6 +31,8 @@ WRITTEN = ".written.json"
 
 Files = Mapping[str, tuple[int, str]]
 """Path → (bytes, sha256)."""
+RECORDS = "records"
+MOST_BYTES = 16_000_000
 
 
 def store_and_digest(path: Path) -> tuple[int, str]:
@@ -35,6 +45,20 @@ def digest_of(files: Files) -> str:
     """Return the sha256 of the lines "sha256  path", sorted by path: that of ``sha256sum`` over them all."""
     lines = "".join(f"{sha}  {path}\n" for path, (_, sha) in sorted(files.items()))
     return hashlib.sha256(lines.encode("utf-8", "surrogatepass")).hexdigest()  # damaged records have any letters
+
+
+def add_array(tar: tarfile.TarFile, name: str, values: NDArray[Any]) -> None:
+    """Add an array to a tar file, as ``.npy``."""
+    buffer = BytesIO()
+    np.save(buffer, values, allow_pickle=False)
+    add_member(tar, name, buffer.getvalue())
+
+
+def add_member(tar: tarfile.TarFile, name: str, data: bytes) -> None:
+    """Add a file to a tar file, with the same bytes from any machine."""
+    info = tarfile.TarInfo(name)  # owner, time and rights are those of TarInfo: nobody, 1970, 644
+    info.size = len(data)
+    tar.addfile(info, BytesIO(data))
 
 
 def put_unit(made: Path, place: Path, scratch: Path, root: Path, known: tuple[Files, ...]) -> None:
@@ -114,3 +138,109 @@ def _written(root: Path) -> dict[str, list[str]]:
 def _note_written(root: Path, written: Mapping[str, list[str]]) -> None:
     with new_file(root / WRITTEN) as file:
         file.write((json.dumps(written, indent=1) + "\n").encode())
+
+
+Scalar = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class MadeSpecimen:
+    """One finished specimen.
+
+    ``digest`` is the sha256 of the lines of ``sha256sum`` over its files as simulated, sorted by path. So it is the
+    same for a folder and in a shard. ``parameters`` are all drawn numbers and words, "part.name" → value.
+    """
+
+    index: int
+    seed: int
+    bore_seed: int
+    digest: str
+    parameters: Mapping[str, Scalar]
+
+
+@dataclass(frozen=True)
+class Record:
+    """One finished unit: ``files``, path below the unit's place (or the shard's own name) → (bytes, sha256)."""
+
+    specimens: tuple[MadeSpecimen, ...]
+    files: Mapping[str, tuple[int, str]]
+    seconds: float
+
+    @property
+    def bytes(self) -> int:
+        """The size of all files."""
+        return sum(size for size, _ in self.files.values())
+
+
+def write_record(root: Path, unit: Unit, record: Record) -> None:
+    """Write the record of ``unit``, whole or not at all."""
+    with new_file(_path(root, unit)) as file:
+        file.write((json.dumps(asdict(record), indent=1) + "\n").encode())
+
+
+def read_record(root: Path, unit: Unit) -> Record | None:
+    """Return the record of ``unit``, None where there is none or it cannot be read."""
+    try:
+        stored: dict[str, Any] = json.loads(read_small(_path(root, unit), MOST_BYTES))
+        return Record(
+            specimens=tuple(MadeSpecimen(**specimen) for specimen in stored["specimens"]),
+            files={path: (int(size), str(sha)) for path, (size, sha) in stored["files"].items()},
+            seconds=float(stored["seconds"]),
+        )
+    except (EndoctError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError):
+        return None
+
+
+def made_beyond(root: Path, plan: Plan) -> list[str]:
+    """Return the names of specimens and shards in ``root`` that ``plan`` would not make, or not with all they hold."""
+    wanted = {unit.name: unit for unit in units(plan)}
+    beyond = [
+        place.name.removesuffix(".tar")
+        for folder in ("specimens", "shards")
+        for place in sorted((root / folder).glob("[!.]*"))
+        if place.name.removesuffix(".tar") not in wanted
+    ]
+    for name, unit in wanted.items():
+        record = read_record(root, unit)
+        if record is not None and any(made.index not in unit.indices for made in record.specimens):
+            beyond.append(name)
+    return sorted(beyond)
+
+
+def sound_record(root: Path, unit: Unit) -> Record | None:
+    """Return the record of ``unit`` where every file it names is there with its bytes, else None.
+
+    It may list fewer specimens than ``unit`` has: of a shard that was the last of a smaller set.
+    """
+    record = read_record(root, unit)
+    if record is None:
+        return None
+    return record if not faults(root, unit, record) else None
+
+
+def faults(root: Path, unit: Unit, record: Record) -> list[str]:
+    """Return the paths of the files that ``record`` names and that are not there with their bytes."""
+    place, wrong = root / unit.place, []
+    for path, (size, digest) in record.files.items():
+        try:
+            file = (
+                place if path == place.name and not place.is_dir() else inside(place, path, f"the record {unit.name}")
+            )
+            if file.is_symlink() or file.stat().st_size != size or sha256_of(file) != digest:
+                wrong.append(path)
+        except (EndoctError, OSError):
+            wrong.append(path)
+    return wrong
+
+
+def finished(root: Path, plan: Plan, unit: Unit) -> Record | None:
+    """Return the record of ``unit`` where it is finished as ``plan`` wants it, else None."""
+    record = sound_record(root, unit)
+    if record is None:
+        return None
+    wanted = [(j.index, j.seed, j.bore_seed) for j in (job(plan, index) for index in unit.indices)]
+    return record if [(s.index, s.seed, s.bore_seed) for s in record.specimens] == wanted else None
+
+
+def _path(root: Path, unit: Unit) -> Path:
+    return root / RECORDS / f"{unit.name}.json"

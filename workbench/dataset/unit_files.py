@@ -6,6 +6,7 @@ same bytes from any machine.
 
 import json
 import shutil
+import tarfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -18,27 +19,39 @@ from typing import TYPE_CHECKING
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
+from endoct.workbench.dataset.loader import read_specimen
 from endoct.workbench.dataset.plan import Job, Plan, Unit, job
-from endoct.workbench.dataset.records import (
+from endoct.workbench.dataset.set_files import (
     MadeSpecimen,
     Record,
     Scalar,
+    add_array,
+    add_member,
+    digest_of,
     finished,
+    put_unit,
     read_record,
     sound_record,
+    store_and_digest,
     write_record,
 )
-from endoct.workbench.dataset.set_files import digest_of, put_unit, store_and_digest
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-import tarfile
-from io import BytesIO
 
-import numpy as np
-
-from endoct.workbench.dataset.loader import read_specimen
+AHEAD = 1
+"""Every thread of the cluster has so many units waiting, so that none runs dry."""
+POLL_S = 5.0
+LONELY_S = 60.0
+AGAIN = "start again with the same arguments; what is finished is kept"
+AS_THEY_ARE = {
+    "sample.json": "truth/sample.json",
+    "recording.json": "truth/recording.json",
+    "oct.toml": "oct/acquisition.toml",
+    "endoscope.toml": "endoscope/acquisition.toml",
+}
+"""These files of a specimen are in a shard as they are, by the endings of their names there."""
 
 Make = Callable[[Path, Plan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""
@@ -163,12 +176,6 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-AHEAD = 1  # units that every thread of the cluster has waiting, so that none runs dry
-POLL_S = 5.0
-LONELY_S = 60.0
-AGAIN = "start again with the same arguments; what is finished is kept"
-
-
 def make_here(root: Path, plan: Plan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
     """Make the units one after the other in this process."""
     for unit in wanted:
@@ -235,14 +242,6 @@ def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
         raise
 
 
-AS_THEY_ARE = {
-    "sample.json": "truth/sample.json",
-    "recording.json": "truth/recording.json",
-    "oct.toml": "oct/acquisition.toml",
-    "endoscope.toml": "endoscope/acquisition.toml",
-}
-
-
 @contextmanager
 def new_shard(path: Path) -> Iterator[tarfile.TarFile]:
     """Open a new tar file to add specimens to."""
@@ -253,11 +252,9 @@ def new_shard(path: Path) -> Iterator[tarfile.TarFile]:
 def add_specimen(tar: tarfile.TarFile, name: str, folder: Path) -> None:
     """Add the specimen in ``folder``: its arrays as ``NAME.array.npy``, its sidecars and what was drawn as they are."""
     for array, values in read_specimen(folder).items():
-        buffer = BytesIO()
-        np.save(buffer, values, allow_pickle=False)
-        _add(tar, f"{name}.{array}.npy", buffer.getvalue())
+        add_array(tar, f"{name}.{array}.npy", values)
     for member, path in AS_THEY_ARE.items():
-        _add(tar, f"{name}.{member}", (folder / path).read_bytes())
+        add_member(tar, f"{name}.{member}", (folder / path).read_bytes())
 
 
 def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
@@ -266,9 +263,3 @@ def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
         for member in old:
             if (file := old.extractfile(member)) is not None:
                 tar.addfile(member, file)
-
-
-def _add(tar: tarfile.TarFile, member: str, data: bytes) -> None:
-    info = tarfile.TarInfo(member)  # owner, time and rights are those of TarInfo: nobody, 1970, 644
-    info.size = len(data)
-    tar.addfile(info, BytesIO(data))

@@ -1,23 +1,35 @@
-"""Two sides to one comparison, step by step."""
+"""Compare two sides step by step, and write the folder of the comparison.
+
+The folder holds each side's panorama with pictures of its frames, the result, and a report with its figures. What one
+step has made is stored and drawn while the next ones are done.
+"""
 
 import time
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
-from endoct.fusion.evidence.side import DrawnMask
-from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
-from endoct.fusion.files.masks import mask_on, read_mask
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
+from endoct.fusion.files.store import save_comparison, write_cells
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.sides import Comparison
+from endoct.fusion.result import Result
+from endoct.fusion.sides import Comparison, Placed
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.comparison_folder import REPORT, ComparisonFolder, Pictured
-from endoct.workbench.pipeline.hand_masks import score_drawings
-from endoct.workbench.pipeline.inputs import doubt_of_inputs, versions
+from endoct.stitching.store import save_panorama
+from endoct.workbench.pipeline.hand_masks import (
+    Against,
+    check_truth,
+    score_drawings,
+    truth_on,
+    write_drawings,
+    write_mask,
+)
+from endoct.workbench.pipeline.inputs import json_text, versions
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -28,74 +40,71 @@ from endoct.workbench.pipeline.sources import (
     source_of,
     unroll_sources,
 )
-from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
-from endoct.workbench.pipeline.unrolling import Unrolled
+from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
+from endoct.workbench.report.figures.begun import Figures, begin_both, begin_sides
+from endoct.workbench.report.figures.rendered import FIGURES
+from endoct.workbench.report.findings import both_sides, findings_of
+from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.scheduler import ALONE, Scheduler
+from endoct.workbench.running.scheduler import Scheduler, Task
 
-if TYPE_CHECKING:
-    from endoct.workbench.requests import CompareRequest
+REPORT = "endoct.workbench.page.report", FIGURES
+"""A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
+
+Pictured = Unrolled | Path | None
+"""What pictures of a side's frames come from: the recording as it was unrolled, or the store of a panorama."""
 
 
-def compare_sources(
-    request: "CompareRequest", output: Path | None, stages: Stages, scheduler: Scheduler = ALONE
-) -> Comparison:
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a request states, read: both sources, parameters of the comparison, files of truth, and a session."""
+
+    sources: tuple[Source, Source]
+    parameters: CompareParameters
+    truth: tuple[Path, ...]
+    session: Path | None
+
+    @property
+    def also(self) -> tuple[Path, ...]:
+        """The files that are read in addition to the sources."""
+        return self.truth if self.session is None else (*self.truth, self.session)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All that is read; panoramas at hand lie nowhere."""
+        return *(source.path for source in self.sources if source.path is not None), *self.also
+
+
+def compare_sources(request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
-    Raises :class:`EndoctError` where a side or a setting cannot be used, or something is changed while it is read, and
-    where the session was made on other sides.
+    Raises :class:`EndoctError` where a side or a setting cannot be used, an input changes while it is read, or the
+    session is of other sides.
     """
     start = time.perf_counter()
-    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
-    truth = [Path(path) for path in request.truth]
-    session = None if request.session is None else Path(request.session)
-    sources = (
-        source_of(request.a, request.modality_a, request.settings_a, request.device),
-        source_of(request.b, request.modality_b, request.settings_b, request.device),
-    )
-    also = [*truth, *(() if session is None else (session,))]
-    paths = [source.path for source in sources if source.path is not None]  # panoramas at hand lie nowhere
-    files = {path: state_of(path) for path in (*paths, *also)}
+    given = _given(request)
+    files = {path: state_of(path) for path in given.paths}
     # whatever cannot be used is refused before the work of unrolling is done
-    opened = open_both(sources)
-    for path in truth:
-        _check_truth(path)
-    landmarks = None if session is None else read_session(session)
+    opened = open_both(given.sources)
+    for path in given.truth:
+        check_truth(path)
+    landmarks = None if given.session is None else read_session(given.session)
     ready = unroll_sources(opened, stages, scheduler, meanwhile=() if output is None else REPORT)
     sides = read_sides(ready)
     if landmarks is not None:
-        check_sides(landmarks, [identity_of(side.name, side.panorama) for side in sides], str(session))
+        check_sides(landmarks, [identity_of(side.name, side.panorama) for side in sides], str(given.session))
     folder = None if output is None else ComparisonFolder(output, sides, scheduler)
     if folder is not None:
-        folder.begin([_pictured(*of) for of in zip(sources, ready, strict=True)])
+        folder.begin([_pictured(*of) for of in zip(given.sources, ready, strict=True)])
     with stages.stage("align, segment, score"):
-        pairs = () if landmarks is None else landmarks.pairs
-        comparison = compare_sides(*sides, parameters, pairs, when_placed=folder.draw if folder else lambda _: None)
-        drawn = {path_text(path): _truth(path, sides[0].panorama) for path in truth}
-        against = score_drawings(comparison, drawn, parameters.tolerance_mm)
+        pairs, draw = () if landmarks is None else landmarks.pairs, folder.draw if folder else lambda _: None
+        comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
+        drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
+        against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     if folder is not None:
         with stages.stage("write"):
             folder.write(comparison, against)
-    of_inputs = tuple(inputs_of(source, side) for source, side in zip(sources, sides, strict=True))
-    result = comparison.result
-    if comparison.alignment is not None and (doubt := doubt_of_inputs(*of_inputs)):
-        result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
-    result = result.completed(
-        truth=against.truth,
-        raters=against.raters,
-        notes={side.name: side.panorama.notes for side in sides},
-        versions=versions(),
-        inputs={name: digest for each in (*of_inputs, *map(digests, also)) for name, digest in each.items()},
-        parameters={
-            "compare": parameters.model_dump(mode="json"),
-            **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},
-        },
-        seconds={
-            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-            "in all, before the report": round(time.perf_counter() - start, 3),
-        },
-    )
-    comparison = replace(comparison, result=result)
+    comparison = replace(comparison, result=_completed(comparison, against, sides, given, stages, start))
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -105,22 +114,113 @@ def compare_sources(
     return comparison
 
 
+def _given(request: CompareRequest) -> Given:
+    """Return what a request states. Raises :class:`EndoctError` for a setting that cannot be used."""
+    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
+    sources = (
+        source_of(request.a, request.modality_a, request.settings_a, request.device),
+        source_of(request.b, request.modality_b, request.settings_b, request.device),
+    )
+    session = None if request.session is None else Path(request.session)
+    return Given(sources, parameters, tuple(Path(path) for path in request.truth), session)
+
+
+def _completed(
+    comparison: Comparison, against: Against, sides: tuple[Side, Side], given: Given, stages: Stages, start: float
+) -> Result:
+    """Return the result with what it states of its inputs, and of the seconds since ``start``."""
+    of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
+    result = comparison.result
+    if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
+        result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
+    return result.completed(
+        truth=against.truth,
+        raters=against.raters,
+        notes={side.name: side.panorama.notes for side in sides},
+        versions=versions(),
+        inputs={name: digest for each in (of_a, of_b, *map(digests, given.also)) for name, digest in each.items()},
+        parameters={
+            "compare": given.parameters.model_dump(mode="json"),
+            **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides},
+        },
+        seconds={
+            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
+            "in all, before the report": round(time.perf_counter() - start, 3),
+        },
+    )
+
+
+def _doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
+    """Return a doubt where two sides were made from the same files, sidecars left out.
+
+    ``a`` and ``b`` are as :func:`~endoct.base.files.files.digests` has them.
+    """
+    of_a, of_b = ({digest for name, digest in each.items() if not name.endswith(".toml")} for each in (a, b))
+    if not of_a or of_a != of_b:
+        return None
+    what = (
+        "Both sides were made from the same files, so this is a recording compared with itself: how well they agree "
+        "says nothing of two recordings."
+    )
+    return Doubt("compared-with-itself", what)
+
+
 def _pictured(source: Source, ready: Ready) -> Pictured:
     if isinstance(ready, Unrolled):
         return ready
     return source.path if isinstance(ready, Panorama) else None
 
 
-def _truth(path: Path, a: Panorama) -> DrawnMask:
-    """Return a mask drawn on ``a``, or what a simulated specimen's truth folder says ``a`` should show."""
-    if not (path / "recording.json").is_file():
-        return read_mask(path, like=a)
-    truth = load_truth(path.parent)
-    return mask_on(true_cells(truth, true_pose(a, truth), a), a, path)
+@dataclass(frozen=True, eq=False)
+class ComparisonFolder:
+    """The folder of a comparison while it is written; ``stored`` and ``figures`` are the tasks begun so far."""
+
+    path: Path
+    sides: tuple[Side, Side]
+    scheduler: Scheduler
+    stored: list[Task[None]] = field(default_factory=list)
+    figures: list[Figures] = field(default_factory=list)
+
+    def begin(self, pictured: Sequence[Pictured]) -> None:
+        """Make the folder, and begin to store and draw each side, which does not depend on the alignment."""
+        self.path.mkdir()
+        for side, of in zip(self.sides, pictured, strict=True):
+            self.stored.append(self.scheduler.begin(store_side, self.path, side.name, side.panorama, of))
+        self.figures.append(begin_sides(self.path, [side.name for side in self.sides], self.scheduler))
+
+    def draw(self, placed: Placed) -> None:
+        """Begin the figures of both sides as they were ``placed``, while scores are computed."""
+        panoramas = [side.panorama for side in self.sides]
+        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
+        self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
+
+    def write(self, comparison: Comparison, against: Against) -> None:
+        """Write the comparison, its cells, and the masks it was held ``against``."""
+        save_comparison(comparison, self.path / "comparison.zarr")
+        write_cells(comparison.cells, self.path / "cells.csv")
+        if against.consensus is not None:
+            write_mask(against.consensus, comparison.grid, self.path / "consensus.png")
+        write_drawings(against, comparison.grid, self.path)
+        for task in self.stored:
+            task.result()
+
+    def write_result(self, comparison: Comparison) -> None:
+        """Write ``result.json``."""
+        text = json_text(comparison.result.to_json())
+        (self.path / "result.json").write_text(text + "\n", encoding="utf-8")
+
+    def write_report(self, comparison: Comparison) -> None:
+        """Write the page and its figures, once everything else is in the folder."""
+        from endoct.workbench.page.report import write_comparison_report  # was loaded while sides were unrolled
+
+        findings = findings_of(comparison, [side.panorama for side in self.sides], {})
+        write_comparison_report(self.path, findings, self.figures)
 
 
-def _check_truth(path: Path) -> None:
-    """Raise :class:`EndoctError` for a truth that cannot be read; only a panorama shows what outlines enclose."""
-    simulated = (path / "recording.json").is_file()
-    if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
-        read_drawing(path, None)
+def store_side(folder: Path, name: str, panorama: Panorama, pictured: Pictured) -> None:
+    """Write the panorama of a side and pictures of its frames into the ``folder`` of a comparison."""
+    save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
+    if isinstance(pictured, Unrolled):
+        save_sample_frames(pictured, folder, name)
+    elif pictured is not None:
+        copy_sample_frames(pictured, folder, name)

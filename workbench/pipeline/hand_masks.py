@@ -1,4 +1,4 @@
-"""Masks given as truth: each side scored against every one, and, of several, raters against each other."""
+"""Masks given as truth: they are read, each side is scored against every one, and several raters against each other."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +11,23 @@ import tomli_w
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import DrawnMask
-from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, on_comparison, save_drawings, score_surface
+from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
+from endoct.fusion.files.masks import (
+    DRAWN_STORE,
+    MAJORITY,
+    mask_on,
+    on_comparison,
+    read_mask,
+    save_drawings,
+    score_surface,
+)
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
 from endoct.fusion.sides import Comparison
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
 METHODS = {
     "majority": "cell where more than half of the raters drew one, each by the mean over the sessions",
@@ -35,6 +46,21 @@ class Against:
     drawings: tuple[Drawing, ...] = ()
     raters: Raters | None = None
     consensus: Mask | None = None
+
+
+def check_truth(path: Path) -> None:
+    """Raise :class:`EndoctError` for a truth that cannot be read; only a panorama shows what outlines enclose."""
+    simulated = (path / "recording.json").is_file()
+    if not simulated and not (path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES):
+        read_drawing(path, None)
+
+
+def truth_on(path: Path, a: Panorama) -> DrawnMask:
+    """Return a mask drawn on ``a``, or what a simulated specimen's truth folder says ``a`` should show."""
+    if not (path / "recording.json").is_file():
+        return read_mask(path, like=a)
+    truth = load_truth(path.parent)
+    return mask_on(true_cells(truth, true_pose(a, truth), a), a, path)
 
 
 def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], tolerance_mm: float) -> Against:

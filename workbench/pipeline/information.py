@@ -32,6 +32,13 @@ from endoct.workbench.running.kinds import THUMBNAIL
 _KEY_WIDTH = 18
 STATED = "stated"
 CONTRADICTED = "stated, but it does not look like one"
+SIDE_PX = 480
+"""Each frame of the picture has at most this height or width."""
+MOST_UNEVEN = 2.0
+"""How much longer than the other one side of a frame may be; a turn of 14 000 A-scans is drawn narrower."""
+GAP_PX = 6
+DARKEST, BRIGHTEST = 0.5, 99.5
+"""Percentiles of the samples that become black and white."""
 
 
 @dataclass(frozen=True)
@@ -195,15 +202,6 @@ def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str
         return f"fill in what is missing in {path_text(sidecar)}"
     asked = f" --modality {modality}" if modality else ""
     return f"endoct info {quote(path_text(path))}{asked} --write-sidecar"
-
-
-SIDE_PX = 480
-"""Of each frame, at most."""
-MOST_UNEVEN = 2.0
-"""How much longer than the other one side of a frame may be; a turn of 14 000 A-scans is drawn narrower."""
-GAP_PX = 6
-DARKEST, BRIGHTEST = 0.5, 99.5
-"""Percentiles of the samples that become black and white."""
 
 
 def write_thumbnail(preview: Preview | None, recording: Path, path: Path) -> None:

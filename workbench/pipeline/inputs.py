@@ -1,11 +1,8 @@
-"""Which bytes and which versions a result came from."""
+"""What outputs state of how they were made: versions; and the text of their JSON."""
 
 import json
 import platform
-from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
-
-from endoct.base.doubt import Doubt
 
 PACKAGES = (
     "endoct",
@@ -18,21 +15,6 @@ PACKAGES = (
     "zarr",
     "tifffile",
 )
-
-
-def doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:
-    """Return a doubt where two sides were made from the same files, sidecars left out.
-
-    ``a`` and ``b`` are as :func:`~endoct.base.files.files.digests` has them.
-    """
-    of_a, of_b = ({digest for name, digest in each.items() if not name.endswith(".toml")} for each in (a, b))
-    if not of_a or of_a != of_b:
-        return None
-    what = (
-        "Both sides were made from the same files, so this is a recording compared with itself: how well they agree "
-        "says nothing of two recordings."
-    )
-    return Doubt("compared-with-itself", what)
 
 
 def json_text(value: object) -> str:

@@ -57,8 +57,9 @@ def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool)
     """Write an ``acquisition.toml`` to fill in; return its path and what it lacks, as :func:`missing_keys` does.
 
     What is needed comes first, then what the files state, as comments, then what else may be known. Keys that an
-    existing sidecar has are kept. Raises :class:`EndoctError` where one exists and ``overwrite`` is not set, or it is
-    no such template or holds comments of the user's own, or nothing says which modality it is.
+    existing sidecar has are kept. Raises :class:`EndoctError` where a sidecar exists and ``overwrite`` is not set, or
+    the sidecar is no such template or holds comments of the user's own. It is also raised where nothing says which
+    modality it is.
     """
     manifest = manifest_for(path, modality)
     sidecar = sidecar_path(path)

@@ -1,14 +1,19 @@
-"""A specimen from the command line or from Python, without loading what only comparing takes."""
+"""Simulate a specimen, for the command line and for Python alike; or simulate one and make a result of it.
+
+Nothing is loaded here that only a comparison needs.
+"""
 
 import inspect
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from endoct.base.compute.own_process import undone_in_the_end
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
-from endoct.base.files.output import new_output
+from endoct.base.files.output import OVERWRITE, check_output, check_place, new_output, remove_output
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.synthetic.sample.parameters import Volume
 from endoct.synthetic.specimen import simulate as render
@@ -19,7 +24,7 @@ from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
 
 MOST_SAMPLE_BYTES = 16_000_000
-"""Of a sample.json; usual ones have under 1 MB, and what is read takes many times its size."""
+"""A sample.json may have as many bytes. Usual ones have under 1 MB, and reading takes many times the size."""
 
 
 @by_request(SimulateRequest)
@@ -30,8 +35,8 @@ def simulate(request: SimulateRequest) -> None:
     Arguments are those of :class:`~endoct.workbench.requests.SimulateRequest`. ``vary`` says what parameters are drawn
     from, "part.name" → (low, high) or words, where not by the preset. ``bone`` is a CT or a segmentation of one to
     drill into, from ``entry_mm`` to ``target_mm`` (:func:`endoct.synthetic.bone.patient.stated_volume`). Raises
-    :class:`EndoctError` for a parameter that there is not or a range that cannot be, for a bone that cannot be drilled
-    so, and where ``output`` exists and ``overwrite`` is not set.
+    :class:`EndoctError` for an unknown parameter, an impossible range, or a bone that cannot be drilled so. So it does
+    where ``output`` exists and ``overwrite`` is not set.
 
     >>> from endoct.workbench import simulate
     >>> simulate("specimen", preset="learning", seed=7, vary={"oct.wall_db": (12.0, 14.0)})
@@ -68,7 +73,7 @@ def _steps(request: SimulateRequest) -> tuple[str, ...]:
 
 
 def _as_a_whole(advance: Callable[[float], None], steps: Sequence[str]) -> Callable[[str, float], None]:
-    """Return what takes the share of each of several ``steps`` that is done, and tells the share of all."""
+    """Return a function that takes how much of each step is done, and reports how much of all ``steps`` is."""
     shares = dict.fromkeys(steps, 0.0)
 
     def step_done(step: str, share: float) -> None:
@@ -118,3 +123,43 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     if not isinstance(sample, dict):
         raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
     return sample
+
+
+Made = TypeVar("Made")
+
+
+def demonstrate(
+    output: Path,
+    result: tuple[str, str],
+    simulate: Callable[[Path], object],
+    make: Callable[[Path, Path], Made],
+    *,
+    overwrite: bool,
+) -> Made:
+    """Simulate a specimen in ``output``/specimen, make a result of it next to it, and return that result.
+
+    ``result``: its name in ``output``, and its kind. ``simulate`` is called with the specimen's folder, ``make`` with
+    this one and the result's. Neither folder is left where one of the two fails. Raises :class:`EndoctError` where
+    ``output`` exists and ``overwrite`` is not set, or cannot be written.
+    """
+    existed = output.exists()
+    if existed and not overwrite:
+        raise EndoctError(f"{output} exists already", remedy=OVERWRITE)
+    check_place(output)
+    specimen, place = output / "specimen", output / result[0]
+    for part, kind in ((specimen, SPECIMEN), (place, result[1])):
+        check_output(part, kind, overwrite=overwrite)
+
+    def leave_nothing() -> None:
+        if not existed and not place.exists():
+            remove_output(specimen, SPECIMEN)
+            with suppress(OSError):  # somebody else has put something there
+                output.rmdir()
+
+    with undone_in_the_end(leave_nothing):
+        try:
+            simulate(specimen)
+            return make(specimen, place)
+        except BaseException:
+            leave_nothing()
+            raise

@@ -1,8 +1,8 @@
 """What the two sides of a comparison come from: recordings, panoramas, and masks drawn by hand.
 
-A side's course: a :class:`Source` is opened, which refuses what cannot be used; a recording is unrolled; then it is a
-:class:`~endoct.fusion.evidence.side.Side`, with the evidence for its cells, and at last a
-:class:`~endoct.fusion.sides.PlacedSide` on the grid that both share.
+A side's course: a :class:`Source` is opened, which refuses what cannot be used, and a recording is unrolled. Then it is
+a :class:`~endoct.fusion.evidence.side.Side`, with the evidence for its cells. At last it is a
+:class:`~endoct.fusion.sides.PlacedSide`, on the grid that both share.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -92,9 +92,9 @@ class Compared:
 def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool) -> dict[str, list[Row]]:
     """Return the tables of a summary by name, each a list of rows.
 
-    ``folders`` are comparisons of the first set, ``against`` of the second, with which each of the first is paired by
-    the digests of its inputs, or else by the folder's name. With ``repeats``, comparisons in one folder are of one
-    specimen; else each is of its own.
+    ``folders`` are comparisons of the first set, ``against`` those of the second. Each of the first is paired with one
+    of the second by the digests of its inputs, or else by the folder's name. With ``repeats``, comparisons in one
+    folder are of one specimen; else each is of its own.
 
     ``scores``: a row a comparison and score, with its interval over cells and the codes of the comparison's doubts.
     ``summary``: a row a set and score: n, median (of aligned: mean) and its interval, quartiles, over specimens (their

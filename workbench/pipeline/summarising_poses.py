@@ -51,11 +51,13 @@ def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: boo
 def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
     """Return the tables of a summary by name, each a list of rows.
 
-    ``poses``: a row a pose: told or not and why, codes of its doubts, offsets from the plan, angle, depth of each
-    side's last row, distance and margin of each structure, and the difference of the two sides, each with its interval;
-    empty where it is not told. ``agreement``: a row a pair of sides, a place and a direction across the bore: the
-    sides' differences over all poses that were told, with limits of agreement and a test of equivalence; none where
-    there are too few.
+    ``poses`` has a row a pose: whether it was told, or why not, and the codes of its doubts. Numbers follow, each with
+    its interval, empty where the pose was not told. They are the offsets from the plan, the angle, the depth of each
+    side's last row, the distance and margin of each structure, and the difference of the two sides.
+
+    ``agreement`` has a row a pair of sides, a place and a direction across the bore. It gives the sides' differences
+    over all poses that were told, with limits of agreement and a test of equivalence. There are no rows where the poses
+    are too few.
 
     Raises :class:`EndoctError` where a folder is no pose.
     """

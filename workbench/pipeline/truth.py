@@ -188,16 +188,17 @@ def held_against(
     """Return how close a comparison of a specimen's endoscope (A) and OCT (B), the ``sides``, is to the truth.
 
     - ``aligned``: 1 or 0.
-    - ``oct_truth``: Jaccard index of the OCT cells against the true cells, on the OCT's own rows and columns placed
-      in the bore by the true pose of every slice, over the samples the OCT calls valid; ``endo_truth`` the same for
-      the endoscope.
+    - ``oct_truth``: Jaccard index of the OCT cells against the true cells, over the samples the OCT calls valid. The
+      OCT's own rows and columns are placed in the bore by the true pose of every slice.
+    - ``endo_truth``: the same for the endoscope.
     - ``oct_valid``: share of the OCT's samples that are valid, within the z range both instruments covered.
 
     and, where the two were aligned,
 
     - ``pair_native``, ``pair_grid``: endoscope against OCT, on the OCT's rows and on the comparison's grid.
-    - ``theta_deg``, ``z_mm``: error of the alignment, median over the overlap; ``landmark_mm``: 95th percentile of
-      the distance between where a wall point of the OCT panorama is mapped to and where it is, stitching included.
+    - ``theta_deg``, ``z_mm``: error of the alignment, median over the overlap.
+    - ``landmark_mm``: distance between where a wall point of the OCT panorama is mapped to and where it is, stitching
+      included, 95th percentile.
     - ``right``: 1 where handedness and direction of travel were found, else 0.
     - ``confidence``: as the alignment states it.
     """

@@ -1,4 +1,7 @@
-"""One recording to one panorama, whatever its modality."""
+"""Unroll one recording of any modality into a panorama, and write its store.
+
+The store holds the panorama, the volume where one is wanted, pictures of a few frames, and a report.
+"""
 
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -7,9 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
+
 from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
-from endoct.base.errors import NotSeen
+from endoct.base.errors import EndoctError, NotSeen
 from endoct.base.files.files import State, check_unchanged, digests, state_of
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
@@ -22,14 +27,24 @@ from endoct.modalities.contract import (
     Modality,
     ParallaxModality,
     ReadingOnce,
+    VolumetricModality,
 )
 from endoct.modalities.device import Device
+from endoct.modalities.illustration import illustrated
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed
+from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.inputs import versions
-from endoct.workbench.pipeline.settings import split
+from endoct.workbench.pipeline.settings import parse, split
+from endoct.workbench.report.figures.begun import begin_pictures, begin_wall
+from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
+from endoct.workbench.report.side_findings import recording_in
+from endoct.workbench.requests import UnrollRequest
 from endoct.workbench.running.progress import Advance, Stages
-from endoct.workbench.running.scheduler import in_background
+from endoct.workbench.running.scheduler import Scheduler, in_background
+
+PLACES = (1 / 6, 1 / 2, 5 / 6)
+"""Pictures of frames are taken at these shares of the recording's length."""
 
 
 @dataclass(frozen=True)
@@ -159,3 +174,61 @@ def _read_once(
     if not hasattr(implementation, "reading_once"):
         return nullcontext(stream)
     return cast(ReadingOnce[Any, Any], implementation).reading_once(stream, parameters)
+
+
+def unroll_source(request: UnrollRequest, store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
+    """Unroll a recording, and write everything `endoct unroll` promises into ``store`` where one is given.
+
+    Raises :class:`EndoctError` where the recording cannot be used or shows no wall, or the modality has no volume.
+    """
+    recording = open_recording(
+        Path(request.path), modality=request.modality, settings=parse(request.settings), device=request.device
+    )
+    unrolled = unroll_recording(recording, stages)
+    panorama = unrolled.panorama
+    if store is None:
+        return panorama
+    of_wall = begin_wall(panorama, scheduler)
+    save_panorama(panorama, store)
+    if request.volume:
+        write_volume(unrolled, store, stages)
+    with stages.stage("report"):
+        save_sample_frames(unrolled, store, panorama.modality)
+        side = recording_in(store, panorama)
+        of_frames = begin_pictures(side, scheduler)
+        from endoct.workbench.page.report import write_recording_report  # loaded while frames are drawn
+
+        write_recording_report(store, side, [of_wall, of_frames])
+    return panorama
+
+
+def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
+    """Write the group ``volume`` into ``store``. Raises :class:`EndoctError` where the modality has none."""
+    recording = unrolled.recording
+    if "volume" not in recording.manifest.provides:
+        raise EndoctError(
+            f"the modality '{recording.manifest.name}' has no volume", remedy="leave out volume=True for this recording"
+        )
+    implementation = cast(VolumetricModality[Any, Any], recording.manifest.load())
+    with stages.stage("volume") as advance:
+        implementation.write_volume(Watched(recording.stream, advance), unrolled.calibration, store)
+
+
+def save_sample_frames(unrolled: Unrolled, folder: Path, name: str) -> None:
+    """Write pictures of the frames at :data:`PLACES` into ``folder``, as those of the side ``name``."""
+    recording, calibration = unrolled.recording, unrolled.calibration
+    order = np.argsort(calibration.per_frame["z_mm"], kind="stable")
+    for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
+        pictures = illustrated(recording.manifest.load(), recording.stream[int(order[place])], calibration)
+        save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
+    give_back()
+
+
+def copy_sample_frames(store: Path, folder: Path, name: str) -> None:
+    """Write the pictures that lie in the ``store`` of a panorama into ``folder``, as those of the side ``name``.
+
+    Raises :class:`EndoctError` where one of them cannot be read.
+    """
+    for of_side in load_pictures(store / PICTURES).values():
+        for place, pictures in of_side.items():
+            save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)

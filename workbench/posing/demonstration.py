@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.pipeline.demonstration import demonstrate
-from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.pipeline.simulating import demonstrate, simulate
 from endoct.workbench.posing.pose import pose
 from endoct.workbench.posing.result import PoseResult
 from endoct.workbench.running.kinds import POSE

@@ -110,8 +110,8 @@ def _private_cluster(workers: int, scratch: str) -> Iterator[Client]:
     """Yield the client of ``workers`` processes with one thread each, which end with this one.
 
     Loopback alone would not keep others out: who may connect may run code, and everybody on this machine can reach
-    its ports. So both ends of each connection show a certificate made for this cluster; its key stays in memory (and
-    for a moment in a file that its owner alone can read, since OpenSSL loads keys from files).
+    its ports. So both ends of each connection show a certificate made for this cluster. Its key stays in memory. For a
+    moment it is also in a file that its owner alone can read, since OpenSSL loads keys from files.
     """
     security = Security.temporary()
     common = {"host": HOST, "protocol": "tls://", "security": security}

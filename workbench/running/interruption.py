@@ -1,7 +1,7 @@
 """Interrupts that are not lost, and that end a command in time.
 
-Python drops exceptions that are raised in a finalizer, and some libraries those raised while they are imported; and it
-raises none while a library computes, or while it waits for threads that do.
+Python drops exceptions that are raised in a finalizer. Some libraries drop those raised while they are imported. And
+Python raises none while a library computes, or while it waits for threads that do.
 """
 
 import signal
@@ -19,7 +19,7 @@ from endoct.base.compute.own_process import undo_all
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 PATIENCE_S = 1.3
-"""Between a signal and the end of a process that has not ended by itself; users wait two seconds at most."""
+"""A process that has not ended by itself ends so long after the signal. Users wait two seconds at most."""
 
 _interrupted = Event()
 

@@ -1,7 +1,7 @@
 """Progress of a command or a function, stage by stage: on a terminal, in a notebook, a log file, or nowhere.
 
-In a notebook it is one small table under the cell, drawn anew as the work goes on. :func:`stages_for` says where a
-Python function displays its progress.
+In a notebook it is one small table under the cell, drawn anew as the work goes on. Where a Python function displays its
+progress is up to :func:`stages_for`.
 """
 
 import html
@@ -32,6 +32,8 @@ Advance = Callable[[float], None]
 LINE_EVERY_S = 5.0
 """Where that says nothing."""
 COMPILING = "compiling for the first use: up to half a minute, once"
+QUIET_S = 2.0
+"""Work that takes no longer shows no progress in Python."""
 
 
 class Stages(Protocol):
@@ -241,10 +243,6 @@ def progress_table(shares: dict[str, float], note: str = "") -> str:
         for title, share in shares.items()
     )
     return f"<table>{rows}</table>{html.escape(note)}"
-
-
-QUIET_S = 2.0
-"""Work that takes no longer shows no progress in Python."""
 
 
 def stages_for(progress: bool | Stages) -> Stages:

@@ -24,6 +24,11 @@ _FLAGS = (
     (re.compile(r"\bsettings_([ab])=\{'(\w+)': (\w+)\}"), r"--set-\1 \2=\3"),
 )
 """How what a remedy names as arguments of a Python function is written on the command line."""
+DONE, UNUSABLE_INPUT, WRONG_USAGE, NOT_ALIGNED, INTERRUPTED = 0, 1, 2, 3, 130
+DOUBTED = NOT_ALIGNED
+"""The status with ``--strict`` where all is done, but there is a doubt."""
+UNTOLD = 3
+"""The status of `pose` where all is done, but the place of the bore remains unknown."""
 
 
 def in_one_line(error: BaseException) -> str | None:
@@ -117,10 +122,3 @@ def refusing_disk_errors(folder: Path) -> Iterator[None]:
             found=system_cause(error),
             remedy="mend that and start again with the same arguments; what is finished is kept",
         ) from error
-
-
-DONE, UNUSABLE_INPUT, WRONG_USAGE, NOT_ALIGNED, INTERRUPTED = 0, 1, 2, 3, 130
-DOUBTED = NOT_ALIGNED
-"""With ``--strict``: done, but there is a doubt."""
-UNTOLD = 3
-"""Of `pose`: done, but where the bore lies cannot be told."""

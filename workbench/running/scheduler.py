@@ -124,7 +124,7 @@ class Scheduler:
 
 
 ALONE = Scheduler()
-"""Without a second process."""
+"""This scheduler has no second process."""
 
 
 @contextmanager

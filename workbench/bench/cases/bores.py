@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -51,30 +50,25 @@ PoseCase = Case[Given, TrueBore]
 
 def posed_case(
     specimen: Path,
-    sides: Sequence[str],
+    sides: Sequence[str | Panorama],
     *,
     seed: int,
-    name: str | None = None,
-    conditions: Mapping[str, float | str] | None = None,
     plan_aside_mm: float = PLAN_ASIDE_MM,
     plan_tilt_deg: float = PLAN_TILT_DEG,
     seen_mm: float | None = None,
     wall_share: float = 1.0,
-    panoramas: Mapping[str, Panorama] | None = None,
-    scratch: "TemporaryDirectory[str] | None" = None,
 ) -> PoseCase:
-    """Return a simulated specimen with a CT as a case, of the recordings called ``sides``.
+    """Return a simulated specimen with a CT as a case, without conditions, by the name of its folder.
 
-    ``seed`` draws how the plan lies off the bore: up to ``plan_aside_mm`` across it and along it, and up to
-    ``plan_tilt_deg``. Of a panorama only the ``seen_mm`` nearest the bore's end are left, and of the wall the share
-    ``wall_share``, a sector of θ in one piece that is the same for all sides. Panoramas that are at hand may be given
-    in ``panoramas``, by side; else ``SIDE.zarr`` is read, or the recording ``SIDE`` unrolled. Raises
+    ``sides`` are names of recordings, or their panoramas where these are at hand; of a name SIDE, ``SIDE.zarr`` is
+    read, or the recording ``SIDE`` unrolled. ``seed`` draws how the plan lies off the bore: up to ``plan_aside_mm``
+    across it and along it, and up to ``plan_tilt_deg``. Only the ``seen_mm`` nearest the bore's end are left of a
+    panorama. Of the wall, ``wall_share`` is left: one sector of θ, the same for all sides. Raises
     :class:`EndoctError` where the specimen has no CT or no truth, or nothing is left of a side.
     """
     truth = load_truth(specimen)
     to_lps, length_mm = _true_axis(specimen, truth.recording)
-    given = panoramas or {}
-    whole = [given[side] if side in given else load_side(specimen, side) for side in sides]
+    whole = [side if isinstance(side, Panorama) else load_side(specimen, side) for side in sides]
     poses = [true_pose(panorama, truth) for panorama in whole]
     rng = np.random.default_rng(seed)
     plan = plan_off(to_lps, length_mm, plan_aside_mm, plan_tilt_deg, rng)
@@ -86,11 +80,10 @@ def posed_case(
             for one, pose in zip(left, poses, strict=True)
         ]
     return Case(
-        name=name or specimen.name,
+        name=specimen.name,
         given=(tuple(left), read_ct(ct_of(specimen)), plan),
         truth=TrueBore(to_lps, length_mm, tuple(poses)),
-        conditions=conditions or {},
-        scratch=scratch,
+        conditions={},
     )
 
 
@@ -158,8 +151,8 @@ def own_cases(folder: Path) -> list[PoseCase]:
             given = (tuple(panoramas[side] for side in chosen), *_planned(folder))
             cases.append(Case(name, given, _true_line(line), conditions))
             continue
-        seed = _seed_of(folder)
-        case = posed_case(folder, chosen, seed=seed, name=name, conditions=conditions, panoramas=panoramas)
+        case = posed_case(folder, [panoramas[side] for side in chosen], seed=_seed_of(folder))
+        case = replace(case, name=name, conditions=conditions)
         cases.append(replace(case, given=(case.given[0], *_planned(folder))) if _has_plan(folder) else case)
     return cases
 

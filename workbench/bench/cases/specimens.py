@@ -38,8 +38,17 @@ DIFFICULTIES: Mapping[str, Range] = {
     **{f"{part}.{name}": range_ for part, model in PARTS.items() for name, range_ in default_ranges(model).items()},
     **{f"{part}.{name}": words for part, model in PARTS.items() for name, words in choices(model).items()},
 }
-"""How a simulated specimen can differ from its preset: the share of the OCT's slices that are black, the one size of
-all its cells, or any parameter that ``endoct simulate --vary`` takes, by default with the range it is drawn from."""
+"""A simulated specimen can differ from its preset in these, by default within these ranges.
+
+They are the share of the OCT's slices that are black and the one size of all its cells. Any parameter that ``endoct
+simulate --vary`` takes is one as well.
+"""
+LEAST_MM = 0.2
+DEPTHS_MM = (0.05, 1.5)
+DEEPEST = 1.1
+"""Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
+TRIES = 20
+"""Tries for each cell that would be needed if no two met."""
 
 
 def simulated(
@@ -87,8 +96,8 @@ def _blacken(recording: Path, share: float, rng: np.random.Generator) -> None:
 def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:
     """Return every truth there is for a panorama of one of the specimen's recordings, on its samples, by name.
 
-    Of a simulated specimen that is ``truth/wall.zarr``; else the masks ``truth/MODALITY*.png`` (or TIFF), drawn over
-    the panorama that `endoct unroll` makes, or with a sidecar that says where they lie. Raises :class:`EndoctError`
+    A simulated specimen has ``truth/wall.zarr``. Other data have masks, ``truth/MODALITY*.png`` or TIFF. These are
+    drawn over the panorama that `endoct unroll` makes, or a sidecar says where they lie. Raises :class:`EndoctError`
     where there is neither.
     """
     if (specimen / "truth" / "wall.zarr").is_dir():
@@ -128,14 +137,6 @@ def recordings_in(specimen: Path) -> list[Path]:
 def load_side(folder: Path, name: str) -> Panorama:
     """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
     return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
-
-
-LEAST_MM = 0.2
-DEPTHS_MM = (0.05, 1.5)
-DEEPEST = 1.1
-"""Depth over opening; this and the depths are those between which the phantom's holes are drawn."""
-TRIES = 20
-"""Tries for each cell that would be needed if no two met."""
 
 
 def uniform_cells(rng: Generator, bore: Bore, opening_mm: float) -> tuple[Cell, ...]:

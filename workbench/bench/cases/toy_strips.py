@@ -1,8 +1,8 @@
 """Strips of a toy bore wall, each sampled where the probe truly was, in milliseconds.
 
-A caricature, not the simulator: the wall is a fine random texture with dark pits whose floors show past their
-rims, the probe has light, dirt and scratches of its own, and the sensor noise. A pixel of a strip looks up the wall at
-its own place; nothing is unrolled.
+A caricature, not the simulator. The wall is a fine random texture with dark pits, whose floors show past their rims.
+The probe has light, dirt and scratches of its own, the sensor has noise. A pixel of a strip looks up the wall at its
+own place; nothing is unrolled.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ NOISE = 0.015
 EXPOSURE = 0.03
 PIT_MM, PIT_DEPTH_MM, PIT_DARKNESS = (0.2, 0.8), (0.05, 0.8), 0.8
 SLANT = (0.1, 0.5)
-"""z that a ray advances for 1 mm outward, at the first and the last row: cot(2a − ψ) of a cone of 45°."""
+"""A ray advances by so much z for 1 mm outward, at the first and the last row: cot(2a − ψ) of a cone of 45°."""
 
 
 def toy_strips(

@@ -1,7 +1,7 @@
 """What a published benchmark consists of: its tasks, the kinds of its specimens, and the seeds of each.
 
-Definitions are shipped as TOML, next to this module. A seed follows from the key of its half, the kind and a number,
-so that a half has one key: the public half's is in the definition, the hidden half's stays with the maintainers.
+Definitions are shipped as TOML, next to this module. A seed follows from the key of its half, the kind and a number.
+So a half has one key. That of the public half is in the definition, that of the hidden half stays with the maintainers.
 """
 
 import tomllib
@@ -27,7 +27,7 @@ Half = Literal["public", "hidden"]
 Split = Literal["train", "validation", "test"]
 DIFFICULTIES: tuple[Difficulty, ...] = ("easy", "middle", "hard")
 LEFT_OUT_BITS = 11
-"""Of 64 that are drawn: what is left, a double of any program that reads JSON holds exactly."""
+"""Of the 64 bits that are drawn so many are left out, so that any program that reads JSON holds a seed exactly."""
 FULL = 5
 """A full set has so many times the specimens of a small one."""
 SPLIT_OF: tuple[Split, ...] = ("train", "validation", "train", "train")

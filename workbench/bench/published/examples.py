@@ -1,22 +1,39 @@
-"""The specimens of a published set as examples to learn from: arrays by task, for torch's DataLoader and others."""
+"""The specimens of a published set as examples to learn from, for torch's DataLoader and other libraries.
 
-from collections.abc import Callable, Mapping
+:class:`Examples` gives arrays by task. :func:`write_layout` writes panoramas and masks as other libraries load them.
+Hugging Face: a folder a split with 8-bit PNG and ``metadata.jsonl``, as its ``imagefolder`` reads it. WebDataset: a tar
+file a split with arrays as ``.npy``, nothing lost. The set itself is Zarr, which xarray opens.
+"""
+
+import json
+import tarfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
+from imagecodecs import png_encode
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.output import new_output
 from endoct.modalities.reading.recording import open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.specimen_set import Entry, read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
+from endoct.workbench.dataset.set_files import add_array, add_member
+from endoct.workbench.running.kinds import EXPORT
+from endoct.workbench.running.progress import Advance, Stages
 
 Example = dict[str, Any]
 Arrays = Mapping[str, NDArray[Any]]
 WHOLE_TURNS = ("start_angle_rad", "turn_length", "rotation_error_cos_rad", "rotation_error_sin_rad", "z_mm")
+DARK, BRIGHT = 1.0, 99.0
+"""Percentiles of the valid samples that become 0 and 255 of a picture."""
+DEPTH_A_COUNT_MM = 0.01
+"""A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
+ARRAYS = ("intensity", "depth_mm", "valid", "cell")
 
 
 class Examples:
@@ -28,9 +45,9 @@ class Examples:
     - segmentation: ``intensity``, ``depth_mm`` f32 (0 of a side without depth), ``has_depth``, ``valid``, and the truth
       ``cell`` bool, all (z, θ);
     - stitching: ``strips`` f32 and ``valid`` (strip, row, column), ``pitch_mm``, and the true ``z_mm``, ``roll_rad``;
-    - oct: ``recording`` (slice, depth, A-scan) as recorded, and the true ``start_angle_rad``, ``turn_length``,
-      ``rotation_error_cos_rad``, ``rotation_error_sin_rad``, ``z_mm`` of each slice, and the wall, ``relief_mm`` and
-      ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
+    - oct: ``recording`` (slice, depth, A-scan) as recorded; of each slice the true ``start_angle_rad``,
+      ``turn_length``, ``rotation_error_cos_rad``, ``rotation_error_sin_rad`` and ``z_mm``; and of the true wall
+      ``relief_mm`` and ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
     - alignment: ``a_…`` and ``b_…`` as for segmentation, and where B truly lies: ``z_in_a_mm`` for each row of B, NaN
       where A does not reach, and ``theta_in_a_rad`` for each column;
     - depth: ``intensity`` and ``valid`` (z, θ), and the true ``relief_mm`` and ``cell``;
@@ -148,4 +165,83 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
     "alignment": _alignment,
     "depth": _depth,
     "pose": _pose,
+}
+
+
+Layout = Literal["huggingface", "webdataset"]
+
+
+def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool = False, stages: Stages) -> int:
+    """Write the examples of the task "segmentation" in ``folder``, a set, in a layout; return how many there are.
+
+    Raises :class:`EndoctError` where ``folder`` is no set, the layout is not known, or ``output`` exists.
+    """
+    if layout not in get_args(Layout):
+        raise EndoctError(f"there is no layout '{layout}'", expected=" or ".join(get_args(Layout)))
+    entries = read_finished_set(folder).specimens
+    splits = list(dict.fromkeys(one.split for one in entries if "segmentation" in one.tasks))
+    facts = {one.name: {"generator": str(one.generator), "difficulty": str(one.difficulty)} for one in entries}
+    write = _WRITERS[layout]
+    n_written = 0
+    with (
+        new_output(output, EXPORT, overwrite=overwrite, inputs=[folder]) as scratch,
+        stages.stage(layout) as advance,
+    ):
+        scratch.mkdir()
+        for number, split in enumerate(splits):
+            examples = Examples(folder, "segmentation", split)
+            write(scratch, split, _with_progress(examples, facts, advance, number, len(splits)))
+            n_written += len(examples)
+    return n_written
+
+
+def _with_progress(
+    examples: Examples, facts: Mapping[str, dict[str, str]], advance: Advance, number: int, n_splits: int
+) -> Iterator[tuple[str, Example, dict[str, str]]]:
+    """Yield the plain name, the arrays and the facts of every example."""
+    for k in range(len(examples)):
+        example = examples[k]
+        specimen, side, *_ = str(example["name"]).split("/")
+        yield f"{specimen}-{side}", example, {"specimen": specimen, "side": side, **facts[specimen]}
+        advance((number + (k + 1) / len(examples)) / n_splits)
+
+
+def _write_pictures(root: Path, split: Split, examples: Iterator[tuple[str, Example, dict[str, str]]]) -> None:
+    folder = root / split
+    folder.mkdir()
+    lines = []
+    for name, example, facts in examples:
+        pictures = {
+            "file_name": (f"{name}.png", _grey(example["intensity"], example["valid"])),
+            "mask_file_name": (f"{name}-mask.png", _counts(255 * example["cell"])),
+            "valid_file_name": (f"{name}-valid.png", _counts(255 * example["valid"])),
+        }
+        if example["has_depth"]:
+            pictures["depth_file_name"] = (f"{name}-depth.png", _counts(example["depth_mm"] / DEPTH_A_COUNT_MM))
+        for file, picture in pictures.values():
+            (folder / file).write_bytes(png_encode(picture))
+        lines.append(json.dumps({key: file for key, (file, _) in pictures.items()} | facts))
+    (folder / "metadata.jsonl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _grey(image: NDArray[Any], valid: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    low, high = np.percentile(image[valid], [DARK, BRIGHT]) if valid.any() else (0.0, 1.0)
+    return _counts(255 * (image - low) / max(high - low, 1e-6))
+
+
+def _counts(image: NDArray[Any]) -> NDArray[np.uint8]:
+    return np.asarray(np.clip(np.rint(image), 0, 255), np.uint8)
+
+
+def _write_shard(root: Path, split: Split, examples: Iterator[tuple[str, Example, dict[str, str]]]) -> None:
+    with tarfile.open(root / f"{split}-000000.tar", "w", format=tarfile.USTAR_FORMAT) as shard:
+        for name, example, facts in examples:
+            for array in ARRAYS:
+                add_array(shard, f"{name}.{array}.npy", example[array])
+            add_member(shard, f"{name}.json", json.dumps(facts).encode())
+
+
+_WRITERS: Mapping[Layout, Callable[[Path, Split, Iterator[tuple[str, Example, dict[str, str]]]], None]] = {
+    "huggingface": _write_pictures,
+    "webdataset": _write_shard,
 }

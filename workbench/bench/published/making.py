@@ -85,9 +85,9 @@ def make_set(
     """Make the set ``name`` in the folder ``output``, or what is missing of it there; return what it lists.
 
     ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
-    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where ``output`` holds something else,
-    a specimen cannot be made, one that is there is not as it was made, or the set is not the published one but for
-    rounding.
+    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where ``output`` holds something else
+    or a specimen cannot be made. It is also raised where a specimen that is there was changed, and where the set
+    differs from the published one by more than rounding.
     """
     definition = load_definition(name)
     if (half == "hidden") == (key is None):

@@ -1,13 +1,13 @@
 """A published set on disk: a folder for each specimen, and ``set.json`` that lists them with their digests.
 
-A specimen's folder is laid out as ``endoct simulate`` writes it, with the panorama of each recording next to it as
-``oct.zarr`` and ``endoscope.zarr``: methods that begin with a panorama all get the same one, whatever version of
+A specimen's folder is laid out as ``endoct simulate`` writes it. The panorama of each recording lies next to it, as
+``oct.zarr`` and ``endoscope.zarr``. So methods that begin with a panorama all get the same one, whatever version of
 endoct runs them.
 
-A seed gives the same bytes on every x86-64 processor with the same libraries. Others, the C library among them, round
-a few samples in ten thousand of an OCT recording the other way, and unrolling makes more of it. So a set also has
-means, of every frame, of the truth and of the panoramas: two specimens are alike where these are equal but for
-rounding.
+A seed gives the same bytes on every x86-64 processor with the same libraries. With other libraries, such as another C
+library, a few samples in ten thousand of an OCT recording are rounded the other way. Unrolling makes more of that. So a
+set also has means of every frame, of the truth and of the panoramas. Two specimens are alike where these are equal but
+for rounding.
 """
 
 import hashlib
@@ -34,17 +34,17 @@ SIDES = ("oct", "endoscope")
 PANORAMAS = tuple(f"{side}.zarr" for side in SIDES)
 MOST_SET_BYTES = 16_000_000
 ROUNDED = 0.01
-"""By so much two means differ at most of samples that are equal but for rounding: of 0.0002 of them, by a count."""
+"""Means of samples that are equal but for rounding differ by less: 0.0002 of the samples differ by a count."""
 ROUNDED_UNROLLED = 0.5
-"""By so much the means of two panoramas differ at most that are unrolled from such recordings: 0.21 was met."""
+"""Means of panoramas that are unrolled from such recordings differ by less: the largest so far was 0.21."""
 
 
 class Entry(Stored):
     """What a set says of one specimen.
 
     ``recorded``: the digest of each of its folders and files, ``oct``, ``truth`` and so on. ``unrolled``: by side, the
-    digest of its panorama. ``means``: by side, the mean of each frame, counts; by panorama, the means of intensity and
-    of depth in hundredths of a mm, and the percentages that are valid and that have a depth; of ``truth``, the mean
+    digest of its panorama. ``means``: by side, the mean of each frame, counts. By panorama, the means of intensity and
+    of depth in hundredths of a mm, and the percentages that are valid and that have a depth. Of ``truth``, the mean
     depth in hundredths of a mm, the percentage in cells, and the mean of each entry of ``recording.json``.
     """
 

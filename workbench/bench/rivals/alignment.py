@@ -1,8 +1,8 @@
 """How one would align two panoramas with existing libraries, in a few lines each.
 
-Each gets what ours is given, and the light taken off as ours does it. None knows that θ is a circle, so they see A
-continued by half a turn at either end. Those that cannot search orientations are tried in all that are open and
-keep what correlates best; those that need the polarity are tried with both.
+Each gets what ours is given, with the light taken off as ours does it. None knows that θ is a circle, so they see A
+continued by half a turn at either end. Those that cannot search orientations are tried in all that are open, and the
+result that correlates best is kept. Those that need the polarity are tried with both.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
-"""Methods that would take minutes otherwise get pixels as large as this many samples of A."""
+"""Methods that would otherwise take minutes get pixels as large as this many samples of A."""
 BLUR_PX = 1.0
 MOST_FEATURES = 10_000
 """The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""
@@ -196,7 +196,10 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
 @contextmanager
 def one_itk_thread() -> Iterator[None]:
-    """Have SimpleITK add up in one order on any machine; a method's own number of threads leaves its metric to many."""
+    """Limit SimpleITK to one thread, so that it adds up in one order on any machine.
+
+    A method's own number of threads would not limit its metric.
+    """
     import SimpleITK as sitk
 
     before = sitk.ProcessObject.GetGlobalDefaultNumberOfThreads()

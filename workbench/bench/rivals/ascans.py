@@ -1,10 +1,10 @@
 """How the catheter turned, from which A-scans of neighbouring slices look alike.
 
 After van Soest, Bosch and van der Steen (2008), "Azimuthal registration of image sequences affected by nonuniform
-rotation distortion", IEEE Trans. Inf. Technol. Biomed. 12, 348: every A-scan is correlated with those of the slice
-before, and the likeliest continuous course through these correlations is found by dynamic programming. What all slices
-have in common cannot be seen so. Slices of a bore are far apart, so that they are alike by the capillary, the sheath
-and large cells only.
+rotation distortion", IEEE Trans. Inf. Technol. Biomed. 12, 348. Every A-scan is correlated with those of the slice
+before. Dynamic programming then finds the likeliest continuous course through these correlations. It cannot see what
+all slices have in common. Slices of a bore are far apart, so only the capillary, the sheath and large cells look alike
+in them.
 """
 
 from pathlib import Path
@@ -21,11 +21,11 @@ from endoct.workbench.bench.rivals.turned import nominal_rad, unrolled_as_turned
 
 MOST_ASCANS = 512
 BLUR = 1.5
-"""In A-scans and in rows of depth, before every second row is compared."""
+"""Slices are blurred by so many A-scans and rows of depth before every second row is compared."""
 REACH_RAD = 0.25
-"""By so much a course may lie off the turn that fits the slice as a whole."""
+"""A course may lie off the turn that fits the slice as a whole by this angle."""
 STEP_COST = 1.0
-"""Of a course that goes on by one A-scan more or less than an even turn, as a correlation."""
+"""A step by one A-scan more or less than an even turn costs so much, as a correlation."""
 SMOOTH_RAD = 0.1
 
 

@@ -18,9 +18,9 @@ from endoct.workbench.bench.tasks.depth import Views
 DEPTHS_MM: Coordinates = np.arange(-0.1, 1.55, 0.05)
 WINDOW_MM = 0.15
 LEAST_HEIGHT, FEWEST_ROWS = 64, 6
-"""Of pictures that DIS compares, and of what two frames share."""
+"""DIS compares pictures of at least this height, and two frames share at least so many rows."""
 LIGHT_MM = 0.6
-"""Of the blur that stands for the light, by which brightness is divided."""
+"""Brightness is divided by the light: by itself, blurred over this width."""
 LEAST_SPARE = 0.8
 TYPICAL_MM = 0.2
 """Median depth of true cells of the simulator's tuning seeds 0 to 5, preset quick."""

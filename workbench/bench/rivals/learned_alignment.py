@@ -1,8 +1,8 @@
 """How one would align two panoramas with learned matchers: kornia's DISK (Tyszkiewicz 2020) and LoFTR (Sun 2021).
 
 Their weights come from a file that the user names in an environment variable; nothing is fetched. As the rivals by
-features of OpenCV do, they see A continued around by half a turn at either end, either polarity of B is tried, and a
-similarity is fitted to the matches by RANSAC.
+features of OpenCV do, they see A continued around by half a turn at either end. Either polarity of B is tried, and
+RANSAC fits a similarity to the matches.
 """
 
 import os

@@ -1,8 +1,8 @@
-"""Cells as classifiers find them that learned from walls with truth: a random forest, and endoct's own eye alone.
+"""Find cells with classifiers that learned from walls with truth: a random forest, and endoct's own eye alone.
 
-The forest is what trainable segmentation of ilastik (Berg et al. 2019) or Weka (Arganda-Carreras et al. 2017) does:
-every sample is described by filters of several widths, and scikit-learn's forest votes. It learns from toy walls of
-the tuning seeds when first asked, a forest for depth and one for brightness; it is the same forest everywhere.
+The forest works as the trainable segmentation of ilastik (Berg et al. 2019) and Weka (Arganda-Carreras et al. 2017).
+Filters of several widths describe every sample, and scikit-learn's forest votes. When first called, it learns from toy
+walls of the tuning seeds: one forest for depth, one for brightness. It is the same forest on every machine.
 """
 
 from collections.abc import Iterator
@@ -79,8 +79,8 @@ def _lessons(modality: str) -> Iterator[tuple[NDArray[np.float32], NDArray[np.bo
 def _features(panorama: Panorama) -> NDArray[np.float32]:
     """Return what describes every sample, float32 (n_z, n_theta, n): filters on the circle, widths in mm.
 
-    At each width the smoothed evidence, how much it varies and its slopes; with depth also the brightness, and of all
-    the noise of the wall as a whole.
+    At each width these are the smoothed evidence, how much it varies, and its slope. Where there is depth, the
+    brightness is described too. The noise of the whole wall follows for each.
     """
     evidence = clipped(prepare(panorama))
     images = [evidence.values]

@@ -1,9 +1,9 @@
 """How one would find a bore in a CT with existing libraries.
 
 All get what ours is given, prepared as ours does it: air around the plan from the CT, and what a side shows of air.
-They begin at the places around the plan that fit best by what they minimise, of some hundred thousand, at any turn,
-and the result that fits best is taken. Those called "…_from_our_search" begin at the best candidate of endoct's own
-search instead. None of them can put two sides together: of two they take the one with depth.
+Some hundred thousand places around the plan are ranked, at any turn, by what the method minimises. It begins at the
+best of these, and its best result is taken. Those called "…_from_our_search" begin at the best candidate of endoct's
+own search instead. None of them can put two sides together, so of two they take the one with depth.
 """
 
 from collections.abc import Callable, Sequence

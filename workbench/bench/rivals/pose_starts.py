@@ -1,7 +1,8 @@
 """Where rivals of the task "pose" begin: everywhere around the plan, ranked by what each of them minimises.
 
-A start is x and y in mm of the bore's axis at the middle of the plan, its tilt about x and y in rad, the depth of the
-side's middle row in mm, and its turn in rad: as endoct's own search has them, in the plan's bore frame.
+A start is given in the plan's bore frame, as endoct's own search has it. Of the bore's axis it holds x and y at
+the middle of the plan, mm, and the tilt about x and y, rad. The depth of the side's middle row, mm, and its turn, rad,
+follow.
 """
 
 from collections.abc import Callable, Iterator

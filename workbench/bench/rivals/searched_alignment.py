@@ -24,13 +24,15 @@ from endoct.workbench.bench.tasks.alignment import orientations_between
 SEARCHED_PX, SEARCHED_STEPS = 16, 2
 """Pixels of the search, in samples of A, and how many of them lie between two places that are tried."""
 LEAST_SHARED = 0.4
-"""Of B's rows, in the search."""
+"""In the search, A and B share at least this part of B's rows."""
 REFINED_PX = (4, 2)
 BINS = 32
 ELASTIX_LEVELS, ELASTIX_STEPS = 4, 500
 
 Refine = Callable[[Flat, Coordinates], Coordinates]
 """(images, a matrix near the truth) → a better one; both (2, 3), from (x, y) of B to (x, y) of A, pixels."""
+MARGIN = 0.25
+"""Elastix sees more of A than lies under B, by this share of B's size."""
 
 
 def simpleitk_searched(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -127,10 +129,6 @@ def _matrix_of(transform: Callable[[tuple[float, float]], Any]) -> Coordinates:
     """Return the matrix (2, 3) of an affine map of points."""
     origin, right, down = (np.array(transform(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
     return np.stack([right - origin, down - origin, origin], axis=1)
-
-
-MARGIN = 0.25
-"""By so much of its size elastix sees more of A than lies under B."""
 
 
 def _by_elastix(itk: Any, flat: Flat, start: Coordinates) -> Coordinates:

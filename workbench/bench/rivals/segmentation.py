@@ -1,7 +1,7 @@
 """What one would write with scikit-image, OpenCV or SciPy to find cells, in a few lines each.
 
-Each takes the depth where a panorama has it, else the darkness of the raw intensity, lightly blurred, and knows
-nothing of the wall's course, of the light, or of θ being a circle. ``…_prepared`` get what ours thresholds, and the
+Each takes the depth where a panorama has it, else the darkness of the raw intensity, lightly blurred. None knows
+anything of the wall's course or of the light, or that θ is a circle. ``…_prepared`` get what ours thresholds, and the
 same cleaning afterwards: they differ from ours in the threshold or the contour alone.
 """
 
@@ -25,7 +25,7 @@ BLUR_MM = 0.015
 WINDOW_MM = 1.5
 """Window of local thresholds, some three typical cells across."""
 CONTOUR_STEPS, CELL_WEIGHT = 20, 30.0
-"""Of Chan and Vese's contours on prepared panoramas: how far what is within may stray less than what is without."""
+"""For Chan and Vese's contours on prepared panoramas: steps, and the weight of deviations within a cell."""
 
 
 def li_raw(panorama: Panorama) -> Mask:

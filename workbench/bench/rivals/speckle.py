@@ -1,10 +1,10 @@
 """How far the catheter turned from one A-scan to the next, from how fast the speckle of bone changes.
 
 After Uribe-Patarroyo and Bouma (2015), "Rotational distortion correction in endoscopic optical coherence tomography
-based on speckle decorrelation", Optics Letters 40, 5518. Two A-scans see the same speckle as far as the spot sees the
-same place, so that their correlation falls with the square of the way between them. The ruler is the recording
-itself: on average it turned by one A-scan from one to the next. The way a spot goes for an angle is as long as the
-wall is far, and what noise there is lowers all correlations alike, by how bright the bone is.
+based on speckle decorrelation", Optics Letters 40, 5518. Two A-scans see the same speckle as far as their spots
+overlap, so their correlation falls with the square of the way between them. The ruler is the recording itself: on
+average it turned by one A-scan from one to the next. For one angle, a spot goes farther the farther away the wall is.
+Noise lowers all correlations of equally bright bone alike.
 """
 
 from pathlib import Path
@@ -29,27 +29,27 @@ MOST_ASCANS = 1024
 STEP_MM = 0.016
 """The way along the wall over which speckle is compared: about the width of a spot."""
 WINDOWS = 32
-"""In which speed is measured, around the turn."""
+"""Speed is measured in so many windows around the turn."""
 LEVELS_DB = (2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 17.0)
-"""Over the noise; bone between two of them is one class, and darker bone is left out."""
+"""Bone between two of these levels over the noise is one class. Darker bone is left out."""
 SMOOTH_ASCANS, SMOOTH_ROWS, DETREND = 8.0, 3.0, 6.0
 THICK_ROWS, THICK_SHARE = 31, 0.8
 """Bone is bright over so many rows; what is thinner are reflections."""
 LEAST_MM = 0.85
-"""Before this depth there is the catheter's sheath."""
+"""The catheter's sheath lies before this depth."""
 FAR = 3
 """Steps after which nothing of the speckle is left."""
 NEAREST_MM = 0.15
-"""By so much the wall may lie off the nominal bore; what lies deeper is a cell."""
+"""The wall may lie off the nominal bore by so much. What lies deeper is a cell."""
 RATIOS = 0.05, 5.0
 ORDERS = range(1, 5)
 LEAST_RAD, USUAL_LENGTH, DIFFERENT = 0.01, 0.02, 0.36
-"""Of the first harmonic (others in proportion to 1/h), of a turn's length, and of a slice from those around it."""
+"""The least first harmonic (others go by 1/h), the usual error of a turn's length, a slice's share of its own."""
 UNSURE_RAD = 0.02
 """How wrong the first harmonic common to all slices may be (others in proportion to 1/h), however many there are."""
 NEIGHBOURS = 8
 SIGMA_RAD = 0.04
-"""Of angles by speckle, over a turn: 2.4° in the median of 16 recordings near the axis, tuning seeds."""
+"""Angles by speckle are off by so much over a turn: 2.4° in the median of 16 recordings near the axis, tuning seeds."""
 FLOOR_PERCENT = 3
 LEAST_WEIGHT, LEAST_LIKENESS = 0.1, 0.05
 SLOWEST, SLOWEST_FALL = 0.2, 0.1
@@ -182,8 +182,8 @@ def _reach_mm(base: Panorama, acquisition: OctAcquisition) -> Coordinates:
 def _smooth_factors(faster: Coordinates, weights: Coordinates) -> Coordinates:
     """Return the factors of :func:`_basis` of every slice, float64 (n_slices, 1 + 2·orders), from speeds less one.
 
-    Friction changes slowly along the bore. So a slice is first taken for what it has in common with those around it,
-    as far as that stands out, and differs from that by a share.
+    Friction changes slowly along the bore. So a slice is first taken to turn as its neighbours do, as far as that
+    stands out. It then differs from that by a share.
     """
     middle = 2 * np.pi * (np.arange(WINDOWS) + 0.5) / WINDOWS
     rates = _basis(middle)[1]

@@ -30,7 +30,15 @@ from endoct.workbench.running.measured import Measured, measure_calls
 
 MOST_ROUNDS = 1000
 Chain = Callable[[Any], tuple[Image, Image]]
-"""From a B-scan (A-scan, depth) to the depth behind the face, px, and the brightness of the wall in each A-scan."""
+"""It takes a B-scan (A-scan, depth), and returns the depth behind the face, px, and the wall's brightness by A-scan."""
+MEDIAN = 3
+TRIALS = 200
+TOLERANCE_PX = 3.0
+BEHIND_PX = 6
+"""The face is blurred: what lies nearer behind it is the face itself."""
+BLOCK = 51
+CONTRAST = 0.3
+"""A pixel on a line is brighter than its surroundings by this part of full scale."""
 
 
 def literal(work: Work) -> Measured[Any]:
@@ -141,21 +149,11 @@ _TEXTBOOK: dict[str, Callable[..., Any]] = {
 _OPENCV: dict[str, Callable[..., Any]] = {"strips": _strips_by_opencv, "alignment": ecc}
 
 
-MEDIAN = 3
-TRIALS = 200
-TOLERANCE_PX = 3.0
-BEHIND_PX = 6
-"""The face is blurred: what lies nearer behind it is the face itself."""
-BLOCK = 51
-CONTRAST = 0.3
-"""A pixel on a line is brighter than its surroundings by this part of full scale."""
-
-
 def by_the_paper(bscan: Any) -> tuple[Image, Image]:
     """Unroll a B-scan as Laves 2019 (Image undistortion) says, each step by the function scikit-image has for it.
 
-    Wavelets take the noise away, contrast is equalised, a local threshold leaves lines; a sine is fitted by RANSAC to
-    every pixel that is not zero; the image is moved by its inverse and cropped behind it, and projected.
+    Wavelets take the noise away, contrast is equalised, and a local threshold leaves lines. RANSAC fits a sine to
+    every pixel that is not zero. The image is moved by the sine's inverse, cropped behind it, and projected.
     """
     image = bscan.astype(np.float32) / max(float(bscan.max()), 1.0)
     enhanced = equalize_adapthist(np.clip(denoise_wavelet(image), 0, 1))

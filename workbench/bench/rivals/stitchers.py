@@ -32,9 +32,12 @@ from endoct.workbench.bench.tasks.stitching import StripPoses
 AROUND = 32
 """Columns by which a strip is continued at either end."""
 ENLARGED, LEAST_CONFIDENCE = 3, 0.3
-"""For OpenCV's features, which are as large as a strip of 64 rows."""
+"""OpenCV's features are as large as a strip of 64 rows, so strips are enlarged for them."""
 LEAST_AREA = 0.3
 """OpenCV fits affine maps; one that shrinks a strip to less is none."""
+M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
+LEAST_QUALITY = 0.55
+"""Pairs are trusted above this rank correlation, by which multiview-stitcher judges its own."""
 
 
 def opencv_scans(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
@@ -86,9 +89,6 @@ def _shift(xy: Coordinates) -> Shift:
     return (float(xy[1]), float(xy[0]), True) if np.isfinite(xy).all() else UNKNOWN
 
 
-M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
-
-
 def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     """m2stitch (Fukai 2022), which is MIST (Chalfoun et al. 2017) in Python, on prepared strips.
 
@@ -127,10 +127,6 @@ def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> Strip
         shifts, sure = -shifts[::-1], sure[::-1]
     known = [(float(y), float(x), bool(is_known)) for (y, x), is_known in zip(shifts, sure, strict=True)]
     return poses_of(known, strips, nominal_pitch_mm)
-
-
-LEAST_QUALITY = 0.55
-"""Of the rank correlation by which multiview-stitcher judges its own pairs."""
 
 
 def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:

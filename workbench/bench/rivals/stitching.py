@@ -1,8 +1,8 @@
 """How one would place the strips with existing libraries, in a few lines each: pair after pair, then added up.
 
 None of them knows that θ is a circle, or that light and dirt stay with the probe. ``…_prepared`` get strips without
-what is the same in every strip and in every row, as ours does: they differ from ours in the rest alone. Where a library
-says how sure it is, a low value means "I do not know".
+what is the same in every strip and in every row, as ours does. So they differ from ours in the rest alone. Where a
+library says how sure it is, a low value means "I do not know".
 """
 
 import warnings

@@ -1,9 +1,9 @@
 """The task "alignment": two panoramas of one bore as two instruments would show it, at any place on each other.
 
-Both sides have 2048 × 1024 samples of one size, so that pixels mean the same along z and around. The scene is
-blobs, cells without depth, as a smooth function of the wall that either side samples where it lies: no image is ever
-interpolated. Side B shows it through a gamma, with a light of its own, perhaps inverted, and under speckle; it is
-turned, shifted and stretched, perhaps mirrored, perhaps recorded from its other end. No method learns any of it.
+Both sides have 2048 × 1024 samples of one size, so that pixels mean the same along z and around. The scene is blobs,
+cells without depth. It is a smooth function of the wall, which either side samples where it lies, so no image is ever
+interpolated. Side B shows it through a gamma, with a light of its own, perhaps inverted, and under speckle. It is
+turned, shifted and stretched, perhaps mirrored, perhaps recorded from its other end. No method is told any of that.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """The task "depth": how far the wall that an endoscope shows lies behind the bore's radius, by its frames alone.
 
 Places behind the wall move otherwise from frame to frame, and cells are darker than the wall. A method gets the
-panorama, the strips it was blended from in their places, and the slant of the view, so that depth alone is at stake. It
-is judged on every valid sample of the wall and of true cells; what it does not know counts as the nominal wall.
+panorama, its strips in their places, and the slant of the view, so that depth alone is at stake. It is judged on every
+valid sample of the wall and of true cells. What it does not know counts as the nominal wall.
 """
 
 import json

@@ -1,7 +1,7 @@
 """The task "oct": an OCT recording unrolled, with the catheter off the axis and turning unevenly.
 
 Specimens are simulated, small (16 slices of 512 A-scans). A method's cells are compared with the true ones on its own
-rows; the one angle that no OCT recording knows, common to all its slices, is the one that fits best, for every method.
+rows. No OCT recording knows the one angle that is common to all its slices: every method gets the one that fits best.
 """
 
 from collections.abc import Callable, Mapping

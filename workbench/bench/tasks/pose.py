@@ -4,7 +4,7 @@ The judge asks for one point: on the axis, 5 mm beyond the end of the bore, wher
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,8 +61,8 @@ class LocatedSide:
 class Located:
     """Where the panoramas of a bore lie, in the order in which they were given; None for one that was left aside.
 
-    Of two, the one with depth has to be located: the judge goes by it. ``covariance``, of methods that state
-    how sure they are: the covariance (3, 3) in mm² of the axis, across it, at a place (3,) along it, LPS.
+    Of two, the one with depth has to be located: the judge goes by it. Methods that state how sure they are have a
+    ``covariance``: (3, 3) in mm², of the axis across it, at a place (3,) along it, LPS.
     """
 
     sides: tuple[LocatedSide | None, ...]
@@ -88,18 +88,16 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:
     difficulties = {name: value for name, value in drawn.items() if name in DIFFICULTIES}
     scratch = simulated(str(drawn["preset"]), seed, index, difficulties, ct=True)
     try:
-        return posed_case(
+        case = posed_case(
             Path(scratch.name) / "specimen",
             SIDES[str(drawn["sides"])],
             seed=seed if index == 0 else 1_000_000 * (1 + seed) + index,
-            name=f"{drawn['preset']}-{seed}-{index}",
-            conditions=drawn,
             plan_aside_mm=given["plan_aside_mm"],
             plan_tilt_deg=given["plan_tilt_deg"],
             seen_mm=given.get(SEEN_MM),
             wall_share=given.get(WALL_SHARE, 1.0),
-            scratch=scratch,
         )
+        return replace(case, name=f"{drawn['preset']}-{seed}-{index}", conditions=drawn, scratch=scratch)
     except BaseException:
         scratch.cleanup()
         raise

@@ -1,7 +1,7 @@
 """The task "segmentation": which samples of a panorama are cells.
 
 Cases are toy walls (:mod:`endoct.workbench.bench.cases.toy_walls`), recordings simulated and unrolled by us, or the
-user's own; the truth is on the panorama's own samples, so that no grid stands between a method and its judge.
+user's own. The truth is on the panorama's own samples, so that no grid stands between a method and its judge.
 """
 
 from collections.abc import Mapping

@@ -1,14 +1,14 @@
 """The task "speed": seconds and memory of the steps that take time, beside the textbook's way to the same answer.
 
-Every job runs in a process of its own: once untimed, so that nothing is loaded or compiled in a timed run, and then as
-often as the case wants; `endoct unroll` is run as a program, from its start to its end. A method's answer is judged as
-well, since a fast wrong answer is no rival.
+Every job runs in a process of its own. It runs once untimed, so that nothing is loaded or compiled in a timed run, and
+then as often as the case wants. `endoct unroll` is run as a program, from its start to its end. A method's answer is
+judged as well, since a fast wrong answer is no rival.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -83,7 +83,8 @@ def _pullback(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
     specimen = small.given.parent
     folder = jobs.write_pullback(specimen, size["slices"], size["ascans"], specimen.parent / "pullback")
     truth = jobs.repeated_truth(small.truth, size["slices"], size["ascans"])
-    return _case(seed, index, "pullback", (folder,), truth, size, size["slices"], small.scratch)
+    work = Work("pullback", (folder,), size["repeats"], size["slices"])
+    return replace(_case(seed, index, work, truth, size), scratch=small.scratch)
 
 
 def _strips(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
@@ -94,39 +95,30 @@ def _strips(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
         frames, calibration = jobs.survey_square(specimen, size["frame_px"], size["frames"], Path(scratch) / "frames")
     few = np.linspace(0, len(frames) - 1, FEW_STRIPS).astype(int)
     truth = {int(k): jobs.sampled_strip(frames[k], calibration) for k in few}
-    return _case(seed, index, "strips", (frames, calibration), truth, size, len(frames))
+    return _case(seed, index, Work("strips", (frames, calibration), size["repeats"], len(frames)), truth, size)
 
 
 def _threshold(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
     from skimage.filters import threshold_li
 
     relief_mm = jobs.relief_of_cells(seed, index, size["ascans"] * jobs.N_DEPTH)
-    return _case(seed, index, "threshold", (relief_mm,), float(threshold_li(relief_mm.astype(np.float64))), size)
+    truth = float(threshold_li(relief_mm.astype(np.float64)))
+    return _case(seed, index, Work("threshold", (relief_mm,), size["repeats"], 1), truth, size)
 
 
 def _alignment(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
     pair = alignment.cases(seed, index, alignment.RANGES)
-    return _case(seed, index, "alignment", pair.given, pair, size)
+    return _case(seed, index, Work("alignment", pair.given, size["repeats"], 1), pair, size)
 
 
 def _spectra(seed: int, index: int, size: Mapping[str, int]) -> SpeedCase:
     spectra, places = jobs.raw_spectra(seed, index, size["ascans"])
     truth_db = jobs.levels_db(spectra[::EVERY], places, mean_spectrum(spectra))
-    return _case(seed, index, "spectra", (spectra, places), truth_db, size)
+    return _case(seed, index, Work("spectra", (spectra, places), size["repeats"], 1), truth_db, size)
 
 
-def _case(
-    seed: int,
-    index: int,
-    job: str,
-    given: tuple[Any, ...],
-    truth: object,
-    size: Mapping[str, int],
-    amount: int = 1,
-    scratch: "TemporaryDirectory[str] | None" = None,
-) -> SpeedCase:
-    conditions: dict[str, float | str] = {"job": job, **size}
-    return Case(f"{job}-{seed}-{index}", Work(job, given, size["repeats"], amount), truth, conditions, scratch)
+def _case(seed: int, index: int, work: Work, truth: object, size: Mapping[str, int]) -> SpeedCase:
+    return Case(f"{work.job}-{seed}-{index}", work, truth, {"job": work.job, **size})
 
 
 _MAKERS: Mapping[str, Callable[[int, int, Mapping[str, int]], SpeedCase]] = {

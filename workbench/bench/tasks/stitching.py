@@ -1,8 +1,8 @@
 """The task "stitching": where the strips of an endoscope lie along the bore, and how far the probe rolled.
 
-Cases are strips of a toy wall, sampled where the probe truly was (:mod:`endoct.workbench.bench.cases.toy_strips`; it
-shares nothing with the unroller), or of simulated recordings, unrolled one by one. To say "I do not know" of a pair is
-better than to be wrong, and counted apart.
+Cases are strips of a toy wall, sampled where the probe truly was, or strips of simulated recordings, unrolled one by
+one. The toy wall (:mod:`endoct.workbench.bench.cases.toy_strips`) shares nothing with the unroller. To say "I do not
+know" of a pair is better than to be wrong, and counted apart.
 """
 
 from collections.abc import Mapping, Sequence

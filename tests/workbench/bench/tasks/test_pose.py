@@ -141,5 +141,6 @@ def test_conditions_reach_the_case(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (of["seed"], of["seen_mm"], of["wall_share"], of["plan_aside_mm"]) == (1003, 12.0, 1.0, 1.0)
 
 
-def _asked(asked: dict[str, object], specimen: object, sides: object, **named: object) -> None:
+def _asked(asked: dict[str, object], specimen: object, sides: object, **named: object) -> Case[object, object]:
     asked["posed"] = sides, named
+    return Case("posed", None, None, {})

@@ -9,9 +9,7 @@ import torch
 from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.learned.network import Eye, load_eye
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.training.fitting import fitted, loss_of
-from endoct.workbench.training.train import WEIGHTS, train
-from endoct.workbench.training.variation import ROWS, Example, varied
+from endoct.workbench.training import ROWS, WEIGHTS, Example, fitted, loss_of, train, varied
 
 
 def example(seed: int) -> Example:

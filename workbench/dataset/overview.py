@@ -1,4 +1,7 @@
-"""The table of all specimens, ``manifest.csv``, and the licence and the README of a data set."""
+"""What a data set holds, for people: the table of all specimens ``manifest.csv``, README, licence and contact sheet.
+
+The contact sheet is a picture of some specimens, to look at before anything is done with the set.
+"""
 
 import csv
 import heapq
@@ -6,14 +9,22 @@ from collections.abc import Iterator
 from io import TextIOWrapper
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
+from endoct.workbench.dataset.loader import Specimens
 from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
-from endoct.workbench.dataset.records import MadeSpecimen, Scalar, read_record
-from endoct.workbench.dataset.set_files import top_file
+from endoct.workbench.dataset.set_files import MadeSpecimen, Scalar, read_record, top_file
 from endoct.workbench.pipeline.settings import ranges_text
 
-NAME = "manifest.csv"
+MANIFEST = "manifest.csv"
+SHEET = "contact_sheet.png"
+N_SPECIMENS = 8
+TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
 
 
 def write_manifest(root: Path, plan: Plan) -> None:
@@ -22,7 +33,7 @@ def write_manifest(root: Path, plan: Plan) -> None:
     Raises :class:`EndoctError` where a record is missing.
     """
     made = heapq.merge(*(_specimens(root, plan, split) for split in SPLITS), key=lambda pair: pair[0].index)
-    with top_file(root, NAME) as file:
+    with top_file(root, MANIFEST) as file:
         text = TextIOWrapper(file, encoding="utf-8", newline="")
         writer: csv.DictWriter[str] | None = None
         for specimen, unit in made:
@@ -62,6 +73,33 @@ def _line(plan: Plan, made: MadeSpecimen, unit: Unit) -> dict[str, Scalar]:
         "path": unit.place.as_posix(),
         **{k: spreadsheet_text(value) if isinstance(value, str) else value for k, value in drawn.items()},
     }
+
+
+def write_contact_sheet(root: Path) -> None:
+    """Draw specimens spread evenly over the set in ``root``: the middle frame of both recordings, and the truth."""
+    specimens = Specimens(root)
+    chosen = np.unique(np.linspace(0, len(specimens) - 1, N_SPECIMENS).round().astype(int))
+    figure = Figure(figsize=(14, 0.4 + 2.1 * chosen.size), dpi=80, layout="constrained")
+    axes = figure.subplots(chosen.size, 4, squeeze=False, width_ratios=(1, 1, 0.85, 1.15))
+    for row, index in zip(axes, chosen, strict=True):
+        arrays, line = specimens[int(index)], specimens.rows[int(index)]
+        oct_, frames = arrays["oct"], arrays["endoscope"]
+        _draw(row[0], oct_[len(oct_) // 2], "gray")
+        _draw(row[1], oct_.mean(axis=1), "gray")
+        row[2].imshow(frames[len(frames) // 2])
+        _draw(row[3], np.clip(arrays["relief_mm"], 0, 1), "viridis")
+        row[3].contour(arrays["cell"], levels=[0.5], colors="white", linewidths=0.5)
+        row[0].set_ylabel(f"{line['name']}\n{line['split']}\n{line['bore.bone']}", fontsize=8)
+        for panel in row:
+            panel.set(xticks=[], yticks=[])
+    for panel, title in zip(axes[0], TITLES, strict=True):
+        panel.set_title(title, fontsize=9)
+    with top_file(root, SHEET) as file:
+        figure.savefig(file, format="png", metadata={"Software": None})
+
+
+def _draw(panel: Axes, image: NDArray[np.floating] | NDArray[np.uint8], colours: str) -> None:
+    panel.imshow(image, cmap=colours, aspect="auto", interpolation="antialiased")
 
 
 LICENCE = """\
