@@ -16,7 +16,7 @@ from endoct.workbench.commands.calibrations import Calibrate, Tube
 from endoct.workbench.commands.checking import verify
 from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
 from endoct.workbench.commands.completion import completion
-from endoct.workbench.commands.exports import export
+from endoct.workbench.commands.exports import Export
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.publishing import board, check, layout, make, submit
@@ -54,7 +54,7 @@ def run(arguments: Sequence[str]) -> int:
         "report": report,
         "serve": serve,
         "summarise": summarise,
-        "export": export,
+        "export": Export,
         "info": Info,
         "verify": verify,
         "modalities": modalities,

@@ -17,9 +17,8 @@ from endoct.base.files.files import path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.reading.folders import entries, is_folder
 from endoct.workbench.desk.forms import Command, arguments_of, form_of, path_within
-from endoct.workbench.desk.preview import Previewer
 from endoct.workbench.desk.runs import command_line
-from endoct.workbench.desk.sidecar_form import SidecarForm, sidecar_form
+from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, picture_of
 from endoct.workbench.page.collection import Entry, address_of, thumbnail

@@ -7,14 +7,14 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.mark import BLANK, mark
 from endoct.workbench.exporting.source import Source
+from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 
-def write_itk_transform(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
-    """Write where a point of side B lies in side A's frame, mm; with ``options.inverse`` the way back.
+def write_itk_transform(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+    """Write where a point of side B lies in side A's frame, mm; with ``request.inverse`` the way back.
 
     Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned.
     """
@@ -26,7 +26,7 @@ def write_itk_transform(source: Source, path: Path, options: Options, stages: St
     a, b = source.sides
     matrix, offset_mm = affine_of(source.alignment)
     start, end = b, a
-    if options.inverse:
+    if request.inverse:
         matrix = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         offset_mm, start, end = -matrix @ offset_mm, a, b
     save_affine(matrix, offset_mm, f"takes points in the bore frame of {start} to that of {end}, mm", path)

@@ -17,8 +17,7 @@ from endoct.workbench.pipeline.hand_masks import Against, write_drawings, write_
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.unrolled_store import copy_sample_frames, save_sample_frames
 from endoct.workbench.pipeline.unrolling import Unrolled
-from endoct.workbench.report.figures.begun import Figures, begin_both, begin_sides
-from endoct.workbench.report.figures.rendered import FIGURES
+from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.running.scheduler import Scheduler, Task
 

@@ -13,7 +13,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.unrolling import Unrolled, Watched, open_recording, unroll_recording
-from endoct.workbench.report.figures.begun import begin_pictures, begin_wall
+from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
 from endoct.workbench.running.progress import Stages
