@@ -81,8 +81,8 @@ def form_of(name: str, command: Command) -> Form:
 def arguments_of(form: Form, values: Mapping[str, object], folder: Path) -> tuple[str, ...]:
     """Return the words of the command line that ``values`` of the form's fields stand for, run in ``folder``.
 
-    Paths are those below ``folder``. Raises :class:`EndoctError` for a field that the form has not, a value of another
-    kind, one that is missing, and a path that leads out of the folder.
+    Paths are those below ``folder``. Raises :class:`EndoctError` for a field that the form does not have, a missing
+    value, one of another kind, and a path out of the folder.
     """
     known = {each.name: each for each in form.fields}
     for name in values:

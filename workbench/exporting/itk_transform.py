@@ -52,8 +52,8 @@ def save_affine(matrix: Coordinates, offset_mm: Coordinates, title: str, path: P
 def affine_of(alignment: Alignment) -> tuple[Coordinates, Coordinates]:
     """Return (matrix (3, 3), offset_mm (3,)): x, y, z of side A of a point of side B are matrix @ point + offset.
 
-    A turn about z, of the mirror image in y where θ runs the other way; along z a scale, negative where z runs the
-    other way, and a shift. Distances from the axis stay as they are.
+    It turns about z, after a reflection in y where θ runs the other way. Along z it scales, by a negative factor where
+    z runs the other way, and shifts. Distances from the axis stay as they are.
     """
     cos, sin = np.cos(alignment.theta_shift_rad), np.sin(alignment.theta_shift_rad)
     sense = -1.0 if alignment.mirrored else 1.0

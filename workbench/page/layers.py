@@ -292,9 +292,10 @@ LAST_CODE = 65_535
 def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> bytes:
     """Return what ``plane`` shows, in mm, at its own rows and in columns around the circle.
 
-    All is little-endian: the numbers of rows and of columns as uint32; the values of the codes 1 and 65 535 as float32;
-    z of every row in mm as float32, ascending; then codes as uint16, row by row, 0 where nothing was observed. Column j
-    of n has its centre at θ = (j + ½) · 2π/n. Where there are more rows than fit, each is the mean of some.
+    All is little-endian. First come the numbers of rows and of columns as uint32. The values of the codes 1 and 65 535
+    follow as float32, then z of every row in mm as float32, ascending. Last come the codes as uint16, row by row, 0
+    where nothing was observed. Column j of n has its centre at θ = (j + ½) · 2π/n. Where there are more rows than fit,
+    each is the mean of some.
     """
     level = min(wall.level_for(plane.placing.dtheta_mm(wall.radius_mm)), FINEST_LEVEL)
     row_mm, found = plane.own_rows(wall, level, max(2, most_samples // wall.width_px(level)))

@@ -42,8 +42,8 @@ class Recording:
 def recording_of(outline: PanoramaOutline, folder: Path) -> Recording | None:
     """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say.
 
-    A path that was given relative to some folder is looked for from here, then from ``folder``, in which the output
-    lies, and from those that it lies in. It is the recording only if its digests are, which :class:`Reader` checks.
+    A path that was given relative to some folder is looked for from here first. Next come ``folder``, in which the
+    output lies, and the folders above it. It is the recording only if its digests are, which :class:`Reader` checks.
     """
     found = outline.provenance
     inputs, acquisition, parameters = (found.get(key) for key in ("inputs", "acquisition", "parameters"))

@@ -1,4 +1,4 @@
-"""`endoct pose` as functions: where a bore lies in a CT, or, with `--plan-only`, how well that could be told."""
+"""`endoct pose` as functions: where a bore lies in a CT, how well that could be told before drilling, and a demo."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -6,21 +6,25 @@ from typing import TYPE_CHECKING
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.label_names import OUR_TABLE
 from endoct.modalities.device import check_device
+from endoct.synthetic.sample.presets import PresetName
+from endoct.workbench.pipeline.demonstration import demonstrate
+from endoct.workbench.pipeline.simulating import simulate
 from endoct.workbench.pipeline.sources import source_of
 from endoct.workbench.posing.plan import read_requested, with_labels
 from endoct.workbench.posing.sides import MOST_SIDES, side_of_comparison
 from endoct.workbench.requests import OutlookRequest, PoseRequest, by_request
 from endoct.workbench.running.kinds import POSE, output_if_any
-from endoct.workbench.running.progress import stages_for
+from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import OutlookResult, PoseResult
 
-
 RADII_MM = (0.3, 5.0)
 """Bores whose pose can be rehearsed."""
 LEAST_SEEN_MM = 2.0
+VOXEL_MM = 0.3
+"""Of the CT that is simulated for a demonstration, as usual in a clinic."""
 
 
 @by_request(PoseRequest)
@@ -120,3 +124,42 @@ def pose_outlook(request: OutlookRequest) -> "OutlookResult":
 
         stages = stages_for(request.progress)
         return rehearse(planned, radius_mm, seen_mm, folder, device=request.device, stages=stages)
+
+
+def demo_pose(
+    output: Path | str,
+    *,
+    preset: PresetName = "small-patient",
+    seed: int = 7,
+    overwrite: bool = False,
+    progress: bool | Stages = True,
+) -> "PoseResult":
+    """Simulate a patient with a bore in ``output``/specimen and find it, by both recordings, in ``output``/pose.
+
+    ``preset`` is one that has a patient: "mastoid", "patient" or "small-patient". Raises :class:`EndoctError` for
+    another, and where ``output`` exists and ``overwrite`` is not set, or cannot be written.
+    """
+    stages = stages_for(progress)
+    return demonstrate(
+        Path(output),
+        ("pose", POSE),
+        lambda specimen: simulate(
+            specimen,
+            preset=preset,
+            seed=seed,
+            ct=True,
+            vary={"ct.voxel_mm": (VOXEL_MM, VOXEL_MM)},
+            overwrite=overwrite,
+            progress=stages,
+        ),
+        lambda specimen, place: pose(
+            [specimen / "endoscope", specimen / "oct"],
+            specimen / "truth" / "ct.nii.gz",
+            place,
+            plan=specimen / "plan.mrk.json",
+            labels=specimen / "truth" / "ct_labels.nii.gz",
+            overwrite=overwrite,
+            progress=stages,
+        ),
+        overwrite=overwrite,
+    )

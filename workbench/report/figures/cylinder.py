@@ -60,8 +60,8 @@ Scalars = tuple[np.float32, ...]
 class Bore:
     """A bore to be cut open: ``depth_mm``, ``values`` and where they were ``observed``, (n_z, n_theta) on ``grid``.
 
-    Bone reaches out to ``outer_mm``. ``colours`` map values; where they map depths (``by_depth``), the flank of a cell
-    takes the colour of the depth at which a ray meets it, and every other wall that of its value.
+    Bone reaches out to ``outer_mm``. ``colours`` are those of values. Where these are depths (``by_depth``), the flank
+    of a cell has the colour of the depth at which a ray meets it.
     """
 
     grid: SurfaceGrid
