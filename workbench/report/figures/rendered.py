@@ -18,7 +18,6 @@ from endoct.workbench.running.scheduler import Named, Scheduler, Task
 if TYPE_CHECKING:
     from endoct.workbench.report.findings import Findings
 
-
 FIGURES, _SCORES = "endoct.workbench.report.figures.of_report", "endoct.workbench.report.figures.agreement"
 """The modules that draw, and bring matplotlib."""
 
