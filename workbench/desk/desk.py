@@ -28,7 +28,7 @@ from endoct.workbench.running.kinds import POSE
 
 REPORT_BYTES = 200_000_000
 MOST_LISTED = 2000
-"""Folders that are listed of one."""
+"""Folders that are listed of a folder."""
 
 
 class OpenFolder:

@@ -44,7 +44,7 @@ from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.report.html_templates import rendered
 
 MOST_THREADS = 6
-"""A thumbnail, a preview and a large folder must not keep the queue waiting."""
+"""Enough that a thumbnail, a preview and a large folder do not keep the queue waiting."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 POSTED = "what the page sent"
 MOST_PARTS = 12

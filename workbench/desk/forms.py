@@ -19,10 +19,10 @@ from endoct.base.errors import EndoctError
 Command = Callable[..., Any]
 Kind = Literal["text", "number", "choice", "switch", "path", "paths", "lines"]
 LONGEST = 4000
-"""Characters of a value."""
+"""Most characters of a value."""
 MOST_LINES = 200
 NOT_ASKED = ("json", "strict")
-"""Options by which a script reads the outcome: the page reads it anyway."""
+"""Options for scripts that read the outcome; the page reads it anyway."""
 _WHOLE, _NUMBER = re.compile(r"-?\d{1,18}"), re.compile(r"-?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,3})?")
 
 

@@ -17,7 +17,7 @@ from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
 
 OPTIONS = ("color", "side", "voxel_mm", "vertex_mm", "version", "inverse")
-"""What some formats have and others have not."""
+"""Options that only some formats have."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What the page is told before the first tile: one description, of a comparison or of one panorama.
+"""What the page gets before the first tile: one description, of a comparison or of one panorama.
 
 The page's sources have the same names in ``frontend/src/description.ts``.
 """
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 CellState = Literal["matched", "overlapping", "alone", "not observed", "not aligned"]
-"""What the other side has where a cell lies; "alone": wall."""
+"""What the other side has where a cell lies: "alone" means wall."""
 
 
 @dataclass(frozen=True)

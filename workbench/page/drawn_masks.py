@@ -38,16 +38,16 @@ from endoct.workbench.page.presence import Gone, Origin
 
 KIND = "mask"
 CELLS = "cells"
-"""The ground that is what the side was segmented as."""
+"""The ground that stands for the cells that were segmented on the side."""
 _NAME = re.compile(r"([A-Za-z0-9][A-Za-z0-9.-]{0,40})_([A-Za-z0-9][A-Za-z0-9.-]{0,20})")
 POSTED = "what the page sent"
 MOST_SHAPES, MOST_POINTS = 5000, 20_000
 MOST_RADIUS_MM = 2.0
 MOST_TURNS = 3
 LARGEST = 1e9
-"""Of any number; a larger one is no float, or none that means a place."""
+"""Largest number that is accepted: anything larger is no place, and may be no float."""
 MOST_STROKED = 400_000_000
-"""Samples that all strokes of a drawing look at: some seconds."""
+"""Samples that the pieces of one stroke may cover: some seconds of work."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ class DrawnMasks:
 
 
 def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) -> None:
-    """Write a mask below ``folder``, its sidecar last; nothing of it stays where one of them cannot be written."""
+    """Write a mask and then its sidecar below ``folder``; where one cannot be written, neither stays."""
     path = folder / MASKS / side / f"{name}.png"
     if (folder / MASKS).is_symlink() or path.parent.is_symlink():
         raise EndoctError(f"{path.parent} is a link", remedy="move the link away")
@@ -208,7 +208,7 @@ def shapes_from(posted: object) -> tuple[Shape, ...]:
 
 
 def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = None) -> Mask:
-    """Return ``ground``, bool (n_z, n_theta), nothing where None, with ``shapes`` painted on it, one over the other."""
+    """Return ``ground``, bool (n_z, n_theta), empty where None, with ``shapes`` painted on it one after another."""
     mask = np.zeros(grid.shape, np.bool_) if ground is None else ground.copy()
     for shape in shapes:
         if shape.radius_mm is None:
@@ -223,7 +223,7 @@ def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = No
 def _stroke(mask: Mask, points: Coordinates, radius_mm: float, grid: SurfaceGrid, value: bool) -> None:
     """Set what lies within ``radius_mm`` of the line through ``points`` on the wall.
 
-    Raises :class:`EndoctError` for a stroke so long that nobody drew it.
+    Raises :class:`EndoctError` for a stroke that is too long to be drawn by hand.
     """
     z_mm, step_mm = grid.z_mm, grid.dtheta_mm
     line = np.stack([(points[:, 0] - grid.theta0_rad) * grid.radius_mm, points[:, 1]], axis=1)

@@ -45,11 +45,11 @@ from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
 
 MOST_PANES = 3
-"""At first; people open more."""
+"""Panes that are open at first."""
 CACHE_BYTES = 16_000_000
-"""Of chunks that are kept for the next tile."""
+"""Memory for chunks that are kept for the next tile."""
 REAL = 0.5
-"""A cell is right where the truth covers at least this share of it, as half of it must overlap to match."""
+"""A cell is real where the truth covers at least this share of it, the share that must overlap to match."""
 
 
 def can_be_shown(path: Path) -> bool:
@@ -161,7 +161,7 @@ def _outlines(described: Iterable[Described]) -> Iterator[OutlinePart]:
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:
-    """Return of either side what shows its cells best, then the difference; where there is none, the cells."""
+    """Return for each side the layer that shows its cells best, then the difference or, without one, the cells."""
     parts = [one.part for one in described]
     best = []
     for side in outline.names:
@@ -223,7 +223,7 @@ def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:
 
 
 def cells_by_truth(folder: Path, names: tuple[str, str]) -> dict[tuple[str, int], bool]:
-    """Return of the cells of a comparison in ``folder``, by side and number, whether the truth has a cell there.
+    """Return by side and number whether the truth has a cell where each cell of a comparison in ``folder`` lies.
 
     The truth is the one mask that was given, or what most raters drew. Cells of which it was given for less than half
     are left out; all are where there is no truth. Raises :class:`EndoctError` where a store is damaged.

@@ -44,9 +44,9 @@ from endoct.workbench.running.scheduler import ALONE, Scheduler
 PAGE = "report.html"
 REMARK = "The figures lie next to this page, lossless, in figures/."
 MOST_TILE_BYTES = 8_000_000
-"""Of all tiles together: with the text, its figures and the pictures of frames a page then has at most 15 MB."""
+"""Bytes of all tiles together: with text, figures and pictures of frames a page then has at most 15 MB."""
 GROWTH = 3.5
-"""Times the bytes of a level that the next one takes, about: it has four times the pixels."""
+"""About how many times the bytes of a level the next one takes: it has four times the pixels."""
 
 
 def write_report(path: Path, scheduler: Scheduler = ALONE) -> Path:
@@ -105,7 +105,7 @@ def write_recording_report(store: Path, side: SideFindings, begun: Sequence[Figu
 
 
 def _check(folder: Path) -> None:
-    """Raise :class:`EndoctError` where a report may not be written, before any work is put into it."""
+    """Raise :class:`EndoctError` where a report may not be written, before any work is done."""
     if (whole := whole_of(folder)) is not None:
         raise EndoctError(
             f"{folder} is a part of {whole.name}, which lists all that it holds",
@@ -151,7 +151,7 @@ def frozen_page(shown: Shown, sections: Sequence[Section], data: Markup, remark:
 
 
 def frozen_data(shown: Shown) -> Markup:
-    """Return as JSON what the program of the page of ``shown`` asks a server for: tiles, outlines, pictures.
+    """Return as JSON what the page's program else asks a server for: tiles, outlines, pictures of ``shown``.
 
     Tiles go down to the finest level for which there is room.
     """
@@ -175,7 +175,7 @@ def _alone(description: Description) -> Description:
 
 
 def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
-    """Return by side, by the frame's place, the pictures of single frames that were kept."""
+    """Return the stored pictures of single frames by side, then by the frame's place."""
     return {
         part.side: {str(place): shown.pictures(part.side, place) for place in part.pictured}
         for part in shown.description.frames
@@ -183,14 +183,14 @@ def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
 
 
 def reliefs_of(shown: Shown) -> dict[str, str]:
-    """Return the reliefs of the sides in base64, together of no more samples than one may have."""
+    """Return the reliefs of the sides in base64; together they have no more samples than one may have."""
     keys = shown.reliefs
     held = {key: shown.relief(key, MOST_SAMPLES // len(keys)) for key in keys}
     return {key: base64.b64encode(one).decode("ascii") for key, one in held.items()}
 
 
 def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:
-    """Return by layer, by level, by "column_row", the pictures of tiles in base64; blank ones are left out."""
+    """Return the pictures of tiles in base64 by layer, level and "column_row"; blank ones are left out."""
     finest = {layer.key: layer.finest_level for layer in shown.description.layers}
     held: dict[str, list[dict[str, str]]] = {key: [] for key in finest}
     n_bytes = last = 0
@@ -221,5 +221,5 @@ def _base64(tile: Pillow.Image) -> str:
 
 
 def _digest(text: str) -> str:
-    """Return how a content security policy names the one script or style that a page may have."""
+    """Return the hash by which a content security policy allows a script or style."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"

@@ -56,11 +56,11 @@ from endoct.workbench.page.wall import NoSuchTile
 
 USUAL_PORT = 8765
 ANSWERING_S = 1
-"""What requests have to be answered once the server is to end."""
+"""Seconds that requests have to be answered once the server is to end."""
 
 
 def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
-    """Serve the page of ``folder`` on ``host`` until interrupted; ``announce`` is told its address.
+    """Serve the page of ``folder`` on ``host`` until interrupted; ``announce`` is called with its address.
 
     Without a ``port`` it is the usual one, or where that is taken any that is free. Raises :class:`EndoctError` where
     the folder cannot be shown, or the port cannot be had.
@@ -73,7 +73,7 @@ def run_server(
 ) -> None:
     """Serve the application that ``serves`` makes for a host and a port, until interrupted.
 
-    ``announce`` is told its address. Raises :class:`EndoctError` where the port cannot be had.
+    ``announce`` is called with its address. Raises :class:`EndoctError` where the port cannot be had.
     """
     with listening_socket(host, port) as listening:
         called, chosen = name_in_browsers(host, listening), listening.getsockname()[1]
@@ -161,7 +161,7 @@ def _bound_address(listening: socket.socket) -> IPv4Address | IPv6Address:
 
 
 MOST_OPEN = 6
-"""Pages that are held open, those that were looked at last."""
+"""Pages that are held open: those that were asked for last."""
 MOST_TABLES = 20
 """Tables whose places are remembered: a window may ask for the thumbnails of an older one."""
 

@@ -69,5 +69,5 @@ def nearest_rows(z_mm: Coordinates, count: int) -> list[int]:
 
 
 def _first(axis: Coordinates, count: int) -> float:
-    """Return the centre of the first of ``count`` samples, each the mean of as many of ``axis`` as any other."""
+    """Return the centre of the first of ``count`` samples, each the mean of equally many of ``axis``."""
     return float(axis[0] + (axis.size / count - 1) / 2 * (axis[1] - axis[0]))

@@ -20,7 +20,7 @@ from endoct.stitching.grid import SurfaceGrid
 TILE_PX = 256
 OVERLAP_PX = 1
 FINEST_LEVEL = 8
-"""Of 65 536 pixels around: a pixel of a 2.5 mm bore has 0.1 µm."""
+"""It has 65 536 pixels around: a pixel of a 2.5 mm bore has 0.1 µm."""
 
 
 class NoSuchTile(EndoctError):

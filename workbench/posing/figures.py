@@ -47,12 +47,12 @@ from endoct.workbench.report.figures.wall_panels import (
 )
 
 BEFORE_MM, AFTER_MM, ASIDE_MM, STEP_MM = 4.0, 9.0, 7.0, 0.1
-"""Of the CT around the bore that a cut shows."""
+"""How much of the CT a cut shows around the bore, and its samples."""
 WINDOW_HU = (-1000.0, 2000.0)
 DEEPEST_MM = 1.0
 STRUCTURE_COLOURS = {"facial nerve": VERMILION, "chorda tympani": PURPLE, "cochlea": GREEN}
 OTHER_COLOURS = BLUE, "#8C564B", "#7F7F00"
-"""Of structures by name; of others in turn."""
+"""Colours of structures by name; others take theirs in turn."""
 LEAST_SHARE = 0.5
 
 
@@ -166,7 +166,7 @@ def _around(
 
 
 def _window(ct: CtVolume) -> tuple[float, float]:
-    """Return the values shown black and white: those of Hounsfield units, or of labels 0 and 1."""
+    """Return the values that are drawn black and white: of Hounsfield units, or of labels 0 and 1."""
     return WINDOW_HU if float(ct.voxels.min()) < -500 else (0.0, 1.0)
 
 

@@ -26,7 +26,7 @@ PLAN_AXES = (
 )
 REMARK = f"{NOTICE} The figures lie next to this page, lossless, in figures/."
 TITLES = {"notes": "Notes", "volumes": "What was read", "provenance": MADE}
-"""Of the sections on what a result was made from."""
+"""Titles of the sections on what a result was made from."""
 LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "unaligned"}
 """The verdict that each level of an outlook amounts to."""
 

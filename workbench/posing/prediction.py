@@ -32,7 +32,7 @@ from endoct.workbench.posing.result import Made
 from endoct.workbench.running.scheduler import one_blas_thread
 
 ROWS_MM, COLUMNS = 0.05, 1024
-"""Of a side's comparison with the CT: far finer than a CT."""
+"""Samples of a side's comparison with the CT: far finer than a CT."""
 PARAMETERS = CompareParameters(dz_mm=ROWS_MM, n_theta=COLUMNS, polarity="dark")
 MODALITY = "ct"
 ROWS_AT_A_TIME = 256
@@ -106,7 +106,7 @@ def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comp
         compared = compare_placed((given.side, of_ct), cells, in_place, PARAMETERS)
     except EndoctError:
         return None
-    # what is doubted of a recording, as lost frames, does not concern a CT
+    # doubts about a recording, such as lost frames, do not concern a CT
     doubts = tuple(doubt for doubt in compared.result.doubts if doubt.side != MODALITY)
     return replace(compared, result=compared.result.model_copy(update={"doubts": doubts}))
 

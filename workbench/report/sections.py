@@ -39,7 +39,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "notes": "Notes",
     }
 )
-"""Of the sections on a comparison, in their order; those on quality follow."""
+"""Titles of the sections on a comparison, in their order; those on quality follow."""
 ORDER = tuple(TITLES)
 MADE = "How it was made"
 CSS_PIXELS_PER_INCH = 148

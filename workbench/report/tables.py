@@ -126,7 +126,7 @@ def _side_facts(side: SideFindings, result: Result) -> dict[str, str]:
 def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iterator[tuple[str, str]]:
     """Yield what there is to say of an alignment, [in words, value]; errors are standard errors.
 
-    One that was made ``by_hand`` stands out from nothing: no search led to it.
+    For one that was made ``by_hand``, nothing says how far it stands out: no search led to it.
     """
     turn, shift, scale = _standard_errors(alignment)
     yield "Turned by", f"{math.degrees(alignment.theta_shift_rad):.2f}°{turn}"

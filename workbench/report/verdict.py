@@ -1,4 +1,4 @@
-"""What is to be said first of a comparison: its doubts, whether the sides were aligned, and how far they agree."""
+"""What a report says first of a comparison: its doubts, whether the sides were aligned, how far they agree."""
 
 import math
 from collections.abc import Sequence

@@ -47,7 +47,7 @@ REST_MM = 0.25
 PIXELS_ALONG, PIXELS_ACROSS = 1500, 700
 STEP_MM = 0.015
 SLOPE_CAP = 3.0
-"""Steeper walls are shaded as if so steep: the flank of a cell rises within one sample."""
+"""Steeper walls are shaded like this one, as the flank of a cell rises within one sample."""
 
 CUT_FACE, END_FACE, NOT_OBSERVED = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
 NOTHING, ON_CUT, ON_END, ON_WALL = 0, 1, 2, 3

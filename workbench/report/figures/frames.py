@@ -49,7 +49,7 @@ from endoct.workbench.report.per_frame import Number, main_and_others
 from endoct.workbench.report.side_findings import SideFindings, flagged_frames
 
 Style = tuple[str, str, Any]
-"""Of a curve: what a caption calls it, its colour, and its dashes."""
+"""Style of a curve: its name in captions, its colour, and its dashes."""
 STYLES: tuple[Style, ...] = (
     ("orange", VERMILION, "-"),
     ("blue, dashed", SKY, (0, (4, 4))),
@@ -57,11 +57,11 @@ STYLES: tuple[Style, ...] = (
     ("yellow, dashed", YELLOW, (0, (4, 4))),
     ("pink", PURPLE, "-"),
 )
-"""Those of the page. Every other curve is dashed, so that two that coincide both show."""
+"""Styles of curves, as on the page. Every other one is dashed, so that two that coincide both show."""
 TITLE_LINE_IN = 0.15
 TICK_STEPS = (1, 2, 2.5, 5, 10)
 USUAL = "#dcefe4"
-"""Behind values as sound recordings have them."""
+"""Shading of the range that sound recordings have."""
 
 
 def draw_frames(side: SideFindings) -> Drawn | None:
@@ -209,7 +209,7 @@ def place_label(side: SideFindings, place_of: int) -> str:
 
 
 def _title(side: SideFindings, place_of: int, picture: Picture) -> str:
-    """Return what stands over a picture; most plug-ins say in it which frame it is, or else it is said here."""
+    """Return the title over a picture, with the frame where the plug-in does not name it."""
     return picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place_of)}: {picture.title}"
 
 

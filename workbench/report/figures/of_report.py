@@ -18,7 +18,7 @@ from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
 
 OF_SIDE = (draw_depth, draw_frames, draw_quality, draw_other_numbers)
-"""What draws one side of a comparison in its own frame: nothing that depends on the other side."""
+"""Functions that draw one side of a comparison in its own frame, whatever the other side is."""
 
 
 def draw_wall(side: SideFindings) -> list[Drawn]:
@@ -52,7 +52,7 @@ def drawings_of_wall(both: BothSides) -> list[OfBoth]:
 
 
 def drawings_of_sides() -> list[OfBoth]:
-    """Return what draws each of two sides in its own frame: nothing that depends on the other side."""
+    """Return what draws each of two sides in its own frame, whatever the other side is."""
     return [partial(_draw_side, draw=draw, k=k) for k in (0, 1) for draw in OF_SIDE]
 
 
