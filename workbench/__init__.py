@@ -11,8 +11,7 @@ if TYPE_CHECKING:
     from endoct.workbench.api import compare, demo, summarise, unroll
     from endoct.workbench.exporting.export import export
     from endoct.workbench.pipeline.simulating import simulate
-    from endoct.workbench.posing.outlook import pose_outlook
-    from endoct.workbench.posing.pose import pose
+    from endoct.workbench.posing.pose import pose, pose_outlook
     from endoct.workbench.verifying import verify
 
     __version__: str
@@ -41,7 +40,7 @@ if not TYPE_CHECKING:  # else every misspelt name would be an object to type che
         elsewhere = {
             "export": "exporting.export",
             "pose": "posing.pose",
-            "pose_outlook": "posing.outlook",
+            "pose_outlook": "posing.pose",
             "simulate": "pipeline.simulating",
             "verify": "verifying",
         }

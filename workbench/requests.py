@@ -18,6 +18,8 @@ from endoct.synthetic.sample.presets import PresetName
 
 UNSET = arg(help_behavior_hint="")
 """For an option without a value. Its help names no default, since its sentence says what holds then."""
+FormatName = Literal["ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv"]
+OmeVersion = Literal["0.5", "0.4"]
 P = ParamSpec("P")
 Request = TypeVar("Request")
 Asked = TypeVar("Asked", contravariant=True)
@@ -189,6 +191,39 @@ class SimulateRequest:
     spectra: bool = False
     overwrite: bool = False
     on_remark: Remark = None
+    progress: Progress = True
+
+
+@dataclass(frozen=True, eq=False)
+class ExportRequest:
+    """What to write for another program, and in which format.
+
+    Args:
+        path: a panorama written by `endoct unroll`, a folder written by `endoct compare`, or a simulated specimen
+        output: file to write, or of OME-Zarr the folder
+        to: format, where the suffix of the output does not say it; labels always have to be named
+        color: what colours a wall (ply, glb): a side's name for its brightness, or relief
+        side: whose relief a wall has (ply, stl, glb), or whose numbers a table (csv)
+        voxel_mm: size of a volume's voxels across the bore (nrrd, nifti); default 0.01. Along it they are as far apart
+            as the slices
+        vertex_mm: distance of a wall's vertices (ply, stl, glb); default 0.02
+        version: of OME-Zarr; default 0.5
+        inverse: a transform from the first side's frame to the second's (itk-transform), as resampling takes it
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    path: Positional[AnyPath]
+    output: Output
+    _: KW_ONLY
+    to: Annotated[FormatName | None, UNSET] = None
+    color: Annotated[str | None, arg(metavar="SIDE|relief"), UNSET] = None
+    side: Annotated[str | None, arg(metavar="SIDE"), UNSET] = None
+    voxel_mm: Annotated[float | None, UNSET] = None
+    vertex_mm: Annotated[float | None, UNSET] = None
+    version: Annotated[OmeVersion | None, UNSET] = None
+    inverse: bool | None = None
+    overwrite: bool = False
     progress: Progress = True
 
 

@@ -156,8 +156,8 @@ def _pictures(path: Path) -> None:
 
 
 def _report(path: Path) -> None:
-    from endoct.workbench.page.frozen import frozen_data, frozen_page
     from endoct.workbench.page.opening import open_shown
+    from endoct.workbench.page.report import frozen_data, frozen_page
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.sections import report_sections
 
@@ -166,7 +166,7 @@ def _report(path: Path) -> None:
 
 
 def _figures(path: Path) -> None:
-    from endoct.workbench.report.figures.begun import begin_both, drawn_of
+    from endoct.workbench.report.figures.rendered import begin_both, drawn_of
     from endoct.workbench.report.findings import read_findings
     from endoct.workbench.report.sections import report_sections
     from endoct.workbench.running.scheduler import ALONE

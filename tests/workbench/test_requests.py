@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 import tyro
 
-from endoct.workbench import compare, pose, pose_outlook, simulate, unroll
+from endoct.workbench import compare, export, pose, pose_outlook, simulate, unroll
 from endoct.workbench.calibrating.calibration import calibrate
 from endoct.workbench.calibrating.printed_tube import write_tube
 from endoct.workbench.commands.comparisons import Compare
+from endoct.workbench.commands.outputs import Export
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll
 from endoct.workbench.commands.simulations import Simulate
@@ -18,6 +19,7 @@ from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (
     CalibrateRequest,
     CompareRequest,
+    ExportRequest,
     InfoRequest,
     OutlookRequest,
     PoseRequest,
@@ -32,6 +34,7 @@ COMMANDS = {
     Compare: CompareRequest,
     Simulate: SimulateRequest,
     Pose: PoseRequest,
+    Export: ExportRequest,
     Calibrate: CalibrateRequest,
     Tube: TargetRequest,
     Info: InfoRequest,
@@ -42,6 +45,7 @@ PYTHON = (
     (simulate, SimulateRequest),
     (pose, PoseRequest),
     (pose_outlook, OutlookRequest),
+    (export, ExportRequest),
     (calibrate, CalibrateRequest),
     (write_tube, TargetRequest),
 )

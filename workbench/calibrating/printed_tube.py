@@ -14,8 +14,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.modalities.tube.target import Target
-from endoct.workbench.exporting.mesh_files import save_stl
-from endoct.workbench.exporting.wall_mesh import Mesh
+from endoct.workbench.exporting.mesh_files import Mesh, save_stl
 from endoct.workbench.requests import TargetRequest, by_request
 from endoct.workbench.running.kinds import TUBE
 

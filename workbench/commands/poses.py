@@ -10,8 +10,7 @@ from endoct.workbench.requests import UNSET, OutlookRequest, Output, PlanRequest
 from endoct.workbench.running.refusals import UNTOLD
 
 if TYPE_CHECKING:
-    from endoct.workbench.posing.outlook_result import OutlookResult
-    from endoct.workbench.posing.result import PoseResult
+    from endoct.workbench.posing.result import OutlookResult, PoseResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +44,7 @@ class Pose(PoseRequest):
         return print_pose(result, Path(self.output), as_json=self.json, strict=self.strict)
 
     def _plan_only(self) -> int:
-        from endoct.workbench.posing.outlook import pose_outlook
+        from endoct.workbench.posing.pose import pose_outlook
 
         of_plan = {one.name: getattr(self, one.name) for one in fields(PlanRequest)}
         of_bore = {"seen_mm": self.seen} | ({} if self.radius is None else {"radius_mm": self.radius})

@@ -33,7 +33,7 @@ def demo(
     """
     stages = command_stages(json)
     if pose:
-        from endoct.workbench.posing.demonstration import demo_pose
+        from endoct.workbench.posing.pose import demo_pose
 
         preset, seed = preset or "small-patient", 7 if seed is None else seed
         result = demo_pose(output, preset=preset, seed=seed, overwrite=overwrite, progress=stages)

@@ -16,9 +16,8 @@ from endoct.base.files.contents import kind_of
 from endoct.base.files.files import entries, is_folder, path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
 from endoct.workbench.desk.forms import Command, arguments_of, form_of, path_within
-from endoct.workbench.desk.preview import Previewer
 from endoct.workbench.desk.runs import command_line
-from endoct.workbench.desk.sidecar_form import SidecarForm, sidecar_form
+from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, picture_of
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
@@ -28,7 +27,7 @@ from endoct.workbench.running.kinds import POSE
 
 REPORT_BYTES = 200_000_000
 MOST_LISTED = 2000
-"""Folders that are listed of one."""
+"""Folders that are listed of a folder."""
 
 
 class OpenFolder:

@@ -1,11 +1,14 @@
 """The application that `endoct open` serves: a start page, a page of every open folder, and the queue of runs.
 
 All of it lies below an address that holds a secret: other pages, other users of the machine and whoever guesses get
-nothing. What changes anything is posted as JSON by the page itself.
+nothing. What changes anything is posted as JSON by the page itself. Files are dropped on the page of a folder: each
+appears whole at its place, or not at all.
 """
 
-from collections.abc import AsyncIterator, Callable
+import os
+from collections.abc import AsyncIterable, AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 from secrets import compare_digest
 from typing import Any
 
@@ -19,10 +22,11 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import inside
 from endoct.base.files.json_values import object_in
+from endoct.base.files.scratch import put_new, scratch_next_to
 from endoct.modalities.registry import manifests
 from endoct.workbench.desk.desk import Desk, whole_path
-from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
@@ -40,9 +44,11 @@ from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.report.html_templates import rendered
 
 MOST_THREADS = 6
-"""A thumbnail, a preview and a large folder must not keep the queue waiting."""
+"""Enough that a thumbnail, a preview and a large folder do not keep the queue waiting."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 POSTED = "what the page sent"
+MOST_PARTS = 12
+"""Of the path of a dropped file: as deep as folders are looked through, and more."""
 
 Answer = Callable[[Request], Any]
 
@@ -225,3 +231,40 @@ def _posted(act: Callable[[Request, dict[str, Any]], Any]) -> Answer:
         return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data, POSTED))), request)
 
     return answered
+
+
+async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> None:
+    """Write ``content`` to the file ``name`` below ``folder``, with the folders that are missing.
+
+    Raises :class:`EndoctError` where something lies there already, the path leads elsewhere or is hidden, and where it
+    cannot be written.
+    """
+    place = inside(folder, name, "a dropped file")
+    parts = Path(name).parts
+    if (
+        any(part.startswith(".") for part in parts)
+        or len(parts) > MOST_PARTS
+        or any(ord(letter) < 32 for letter in name)
+    ):
+        raise EndoctError("a dropped file cannot be taken", found=name[:80], expected="a plain name, no hidden file")
+    if not place.parent.resolve().is_relative_to(folder.resolve()):
+        raise EndoctError("a dropped file would leave the folder by a link", found=name[:80])
+    if place.exists() or place.is_symlink():
+        raise _taken(place)
+    try:
+        await run_in_threadpool(place.parent.mkdir, parents=True, exist_ok=True)
+        with scratch_next_to(place) as scratch, (scratch / "file").open("wb") as file:
+            async for part in content:
+                await run_in_threadpool(file.write, part)
+            file.flush()
+            os.fsync(file.fileno())
+            file.close()
+            put_new(scratch / "file", place)
+    except FileExistsError as error:
+        raise _taken(place) from error
+    except OSError as error:
+        raise EndoctError(f"{place} cannot be written", found=error.strerror or str(error)) from error
+
+
+def _taken(place: Path) -> EndoctError:
+    return EndoctError(f"{place} exists already", remedy="rename what you dropped, or move that away")

@@ -19,10 +19,10 @@ from endoct.base.errors import EndoctError
 Command = Callable[..., Any]
 Kind = Literal["text", "number", "choice", "switch", "path", "paths", "lines"]
 LONGEST = 4000
-"""Characters of a value."""
+"""Most characters of a value."""
 MOST_LINES = 200
 NOT_ASKED = ("json", "strict")
-"""Options by which a script reads the outcome: the page reads it anyway."""
+"""Options for scripts that read the outcome; the page reads it anyway."""
 _WHOLE, _NUMBER = re.compile(r"-?\d{1,18}"), re.compile(r"-?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d{1,3})?")
 
 
@@ -81,8 +81,8 @@ def form_of(name: str, command: Command) -> Form:
 def arguments_of(form: Form, values: Mapping[str, object], folder: Path) -> tuple[str, ...]:
     """Return the words of the command line that ``values`` of the form's fields stand for, run in ``folder``.
 
-    Paths are those below ``folder``. Raises :class:`EndoctError` for a field that the form has not, a value of another
-    kind, one that is missing, and a path that leads out of the folder.
+    Paths are those below ``folder``. Raises :class:`EndoctError` for a field that the form does not have, a missing
+    value, one of another kind, and a path out of the folder.
     """
     known = {each.name: each for each in form.fields}
     for name in values:

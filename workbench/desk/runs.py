@@ -1,8 +1,8 @@
 """Runs of endoct's commands: a queue on the disk, which outlives the server, and whatever looks at it.
 
-Every run has a folder of its own. A process of its own, which no terminal and no server ends, carries it out
-(:mod:`endoct.workbench.desk.run_process`) and holds the lock of that folder meanwhile. So the folder says by itself
-whether a run waits, is under way, has ended and how, or was lost with the machine.
+Every run has a folder of its own. A process of its own, which belongs to no terminal and to no server, carries it out
+(:func:`main`). It starts the command, notes how that ends, cancels it, and holds the lock of the folder meanwhile. So
+the folder says by itself whether a run waits, is under way, has ended and how, or was lost with the machine.
 """
 
 import json
@@ -10,6 +10,7 @@ import os
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -18,17 +19,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any, Literal
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import HeldError, held
+from endoct.workbench.running.progress import EVERY_S_NAME
 from endoct.workbench.running.refusals import DONE, INTERRUPTED, NOT_ALIGNED
 
 REQUEST, STARTED, ENDED, CANCEL, LOCK, LOG = "request.json", "started", "ended.json", "cancel", "lock", "log.txt"
-"""Files of a run: the command line, that a process was started for it, how it ended, that it shall end, its lock, and
-what it printed."""
+"""Files of a run: its command line, that a process was started, how it ended, that it shall end, its lock, its log."""
 STARTING_S = 20.0
 """A process that has not taken its lock by then has failed."""
 LOOK_S = 0.3
@@ -36,6 +38,12 @@ LOOK_S = 0.3
 MOST_RUNS = 2000
 LOG_BYTES, LAST_BYTES = 200_000, 4_000
 """Of the end of what a run printed: to be read, and to see how far it is."""
+PROGRAM = "from endoct.workbench.cli import main; main()"
+PROGRESS_EVERY_S = "0.5"
+WATCH_S = 0.1
+"""How often a process looks whether its run is to be cancelled."""
+TAKING_S = 10.0
+"""How long a process waits for the lock: whoever looks whether it is held holds it for a moment."""
 
 State = Literal["waiting", "running", "done", "unanswered", "failed", "cancelled", "lost"]
 _ENDS: dict[int, State] = {DONE: "done", NOT_ALIGNED: "unanswered", INTERRUPTED: "cancelled"}
@@ -190,7 +198,7 @@ class Queue:
 def _start(path: Path) -> None:
     (path / STARTED).touch()
     # -P: what lies in the working folder is not imported in place of a library
-    program = [sys.executable, "-P", "-c", "from endoct.workbench.desk.run_process import main; main()", str(path)]
+    program = [sys.executable, "-P", "-c", "from endoct.workbench.desk.runs import main; main()", str(path)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(place for place in sys.path if place)}
     try:
         process = subprocess.Popen(
@@ -261,3 +269,55 @@ def _stages(line: str) -> dict[str, float]:
 
 def _place(run: Run) -> Path:
     return (run.folder / run.output).resolve()
+
+
+def main() -> None:
+    """Carry out the run in the folder that the command line names."""
+    path = Path(sys.argv[1])
+    for _ in range(round(TAKING_S / WATCH_S)):
+        try:
+            with held(path / LOCK):
+                _carry_out(path)
+                return
+        except HeldError:
+            time.sleep(WATCH_S)
+
+
+def _carry_out(path: Path) -> None:
+    request, begun = read_object(path / REQUEST), time.time()
+    if (path / ENDED).exists():
+        return
+    cancelled = path / CANCEL
+
+    def cancel(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        cancelled.touch()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, cancel)
+    environment = os.environ | {EVERY_S_NAME: PROGRESS_EVERY_S, "COLUMNS": "200"}
+    with (path / LOG).open("wb") as log:
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-c", PROGRAM, *request["arguments"]],
+                cwd=request["folder"], stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=environment,
+            )  # fmt: skip
+        except OSError as error:
+            log.write(f"endoct: {request['folder']} cannot be used; found {error.strerror}\n".encode())
+            _note(path, 1, begun)
+            return
+        asked = False
+        while (status := process.poll()) is None:
+            if cancelled.exists() and not asked:
+                process.send_signal(signal.SIGINT)
+                asked = True
+            time.sleep(WATCH_S)
+    # one that was interrupted before it could listen ends as the system has it
+    _note(path, status if not asked or status in (DONE, NOT_ALIGNED) else INTERRUPTED, begun)
+
+
+def _note(path: Path, status: int, begun: float) -> None:
+    """Note how the run ended, at one stroke."""
+    scratch = path / f".{ENDED}"
+    scratch.write_text(json.dumps({"status": status, "seconds": time.time() - begun}), encoding="utf-8")
+    scratch.replace(path / ENDED)

@@ -8,12 +8,16 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.output import check_output, never, new_output
-from endoct.workbench.exporting.formats import Format, FormatName, OmeVersion, Options, format_for
+from endoct.workbench.exporting.formats import Format, format_for
 from endoct.workbench.exporting.mark import is_marked
 from endoct.workbench.exporting.source import open_source
+from endoct.workbench.requests import ExportRequest, FormatName, by_request
 from endoct.workbench.running.kinds import EXPORT
-from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
+
+OPTIONS = ("color", "side", "voxel_mm", "vertex_mm", "version", "inverse")
+"""Options that only some formats have."""
 
 
 @dataclass(frozen=True)
@@ -32,29 +36,17 @@ class Exported:
         return {"output": path_text(self.path), "format": self.format, **self.facts, **said}
 
 
+@by_request(ExportRequest)
 @one_blas_thread()
-def export(
-    path: Path | str,
-    output: Path | str,
-    *,
-    to: FormatName | None = None,
-    color: str | None = None,
-    side: str | None = None,
-    voxel_mm: float | None = None,
-    vertex_mm: float | None = None,
-    version: OmeVersion | None = None,
-    inverse: bool | None = None,
-    overwrite: bool = False,
-    progress: bool | Stages = True,
-) -> Exported:
+def export(request: ExportRequest) -> Exported:
     """Write a panorama, a comparison or a simulated specimen's truth for another program to open, sizes in mm.
 
-    ``to`` is the format; without it the suffix of ``output`` says. ``color``: what colours a wall, a side's name for
-    its brightness or "relief". ``side``: whose relief a wall has, or whose numbers per frame a table. ``voxel_mm``:
-    size of the voxels of a volume across the bore (0.01). ``vertex_mm``: distance of the vertices of a wall (0.02).
-    ``version`` of OME-Zarr (0.5). ``inverse``: a transform from the first side's frame to the second's. Raises
-    :class:`EndoctError` where ``path`` has nothing of the kind, an option is not one of the format, or ``output``
-    exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.ExportRequest`. ``to`` is the format; without it the
+    suffix of ``output`` says. ``color``: what colours a wall, a side's name for its brightness or "relief". ``side``:
+    whose relief a wall has, or whose numbers per frame a table. ``voxel_mm``: size of the voxels of a volume across the
+    bore (0.01). ``vertex_mm``: distance of the vertices of a wall (0.02). ``version`` of OME-Zarr (0.5). ``inverse``: a
+    transform from the first side's frame to the second's. Raises :class:`EndoctError` where ``path`` has nothing of the
+    kind, an option is not one of the format, or ``output`` exists and ``overwrite`` is not set.
 
     With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
 
@@ -63,11 +55,10 @@ def export(
     >>> wall.format, wall.facts["relief"]
     ('ply', 'oct relief')
     """
-    path, output = Path(path), Path(output)
-    options = Options(color, side, voxel_mm, vertex_mm, version, inverse)
-    chosen = format_for(to, output)
-    _check_options(chosen, options)
-    source, stages = open_source(path), stages_for(progress)
+    path, output, overwrite = Path(request.path), Path(request.output), request.overwrite
+    chosen = format_for(request.to, output)
+    _check_options(chosen, request)
+    source, stages = open_source(path), stages_for(request.progress)
     is_ours = is_marked if chosen.is_marked and not chosen.is_folder else never
     inputs = [path, source.folder]
     if output.is_file() and not chosen.is_marked and overwrite:
@@ -81,15 +72,15 @@ def export(
             f"{path} has no cells", found=f"a {source.kind}", expected="a folder written by `endoct compare`"
         )
     with new_output(output, EXPORT, overwrite=overwrite, inputs=inputs, is_ours=is_ours) as scratch:
-        facts = chosen.load()(source, scratch, options, stages)
+        facts = chosen.load()(source, scratch, request, stages)
     return Exported(output, chosen.name, facts, source.doubts, source.notes)
 
 
-def _check_options(chosen: Format, options: Options) -> None:
+def _check_options(chosen: Format, request: ExportRequest) -> None:
     """Raise :class:`EndoctError` for an option that the format does not have, or a value that is none."""
-    for name in options.given():
-        if name not in chosen.options:
+    for name in OPTIONS:
+        if name not in chosen.options and getattr(request, name) is not None:
             has = ", ".join(chosen.options) or "none"
             raise EndoctError(f"{chosen.name} has no option '{name}'", expected=has, remedy="leave it out")
-    if options.version not in (None, "0.5", "0.4"):
-        raise EndoctError("there is no such version of OME-Zarr", found=str(options.version), expected="0.5 or 0.4")
+    if request.version not in (None, "0.5", "0.4"):
+        raise EndoctError("there is no such version of OME-Zarr", found=str(request.version), expected="0.5 or 0.4")

@@ -1,19 +1,21 @@
-"""The formats that can be exported, by name and by the suffix of a file, and the options of an export."""
+"""The formats that can be exported, by name and by the suffix of a file."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, get_args
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.requests import ExportRequest, FormatName
 
 if TYPE_CHECKING:
     from endoct.workbench.exporting.source import Source
     from endoct.workbench.running.progress import Stages
 
-FormatName = Literal["ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv"]
-Writer = Callable[["Source", Path, "Options", "Stages"], dict[str, object]]
+VOXEL_MM = 0.01
+VERTEX_MM = 0.02
+Writer = Callable[["Source", Path, ExportRequest, "Stages"], dict[str, object]]
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,15 @@ _WALL = "side", "vertex_mm"
 FORMATS = {
     one.name: one
     for one in (
-        Format("ome-zarr", (".ome.zarr", ".zarr"), ("version",), "ome_zarr:write_ome_zarr", is_folder=True),
-        Format("ome-tiff", _TIFF, (), "ome_tiff:write_ome_tiff"),
+        Format("ome-zarr", (".ome.zarr", ".zarr"), ("version",), "ome_files:write_ome_zarr", is_folder=True),
+        Format("ome-tiff", _TIFF, (), "ome_files:write_ome_tiff"),
         Format("nrrd", (".nrrd",), ("voxel_mm",), "volume_files:write_nrrd"),
         Format("nifti", (".nii.gz", ".nii"), ("voxel_mm",), "volume_files:write_nifti"),
         Format("ply", (".ply",), ("color", *_WALL), "mesh_files:write_ply"),
         Format("stl", (".stl",), _WALL, "mesh_files:write_stl"),
         Format("glb", (".glb",), ("color", *_WALL), "mesh_files:write_glb"),
         Format("itk-transform", (".tfm", ".txt"), ("inverse",), "itk_transform:write_itk_transform"),
-        Format("labels", _TIFF, (), "ome_tiff:write_labels", by_suffix=False),
+        Format("labels", _TIFF, (), "ome_files:write_labels", by_suffix=False),
         Format("csv", (".csv",), ("side",), "quality_table:write_quality", is_marked=False),
     )
 }
@@ -86,29 +88,3 @@ def format_for(to: str | None, output: Path) -> Format:
             expected=" or ".join(f"NAME{suffix}" for suffix in chosen.suffixes),
         )
     return chosen
-
-
-OmeVersion = Literal["0.5", "0.4"]
-VOXEL_MM = 0.01
-VERTEX_MM = 0.02
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a caller chose; None where a format's default is wanted.
-
-    ``color``: the side whose brightness colours a wall, or "relief". ``side``: the side whose relief, or whose numbers
-    per frame, are exported. ``voxel_mm``: of a volume, across the bore. ``vertex_mm``: distance of a wall's vertices.
-    ``version`` of OME-Zarr. ``inverse``: of a transform, from side A's frame to side B's.
-    """
-
-    color: str | None = None
-    side: str | None = None
-    voxel_mm: float | None = None
-    vertex_mm: float | None = None
-    version: OmeVersion | None = None
-    inverse: bool | None = None
-
-    def given(self) -> tuple[str, ...]:
-        """Return the names of those that were chosen."""
-        return tuple(one.name for one in fields(self) if getattr(self, one.name) is not None)

@@ -20,7 +20,7 @@ NOWHERE = -1
 FARTHEST_ROW = 0.75
 """A place shows what the nearest row observed up to this distance, in row spacings."""
 _EVEN = 1e-3
-"""Rows that lie no farther from even steps, in row spacings, lie evenly."""
+"""Rows lie evenly that are no farther than this from even steps, in row spacings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,7 @@ def lies_evenly(grid: SurfaceGrid) -> bool:
 
 
 COARSEST_PX = 512
-"""The last level is no larger than this in either direction."""
+"""Largest size of the last level in either direction."""
 _BLOCK_ROWS = 256
 _UNEVEN = 1.5
 """An axis is left as it is while its samples are this many times as long as those of the other."""

@@ -7,14 +7,14 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.mark import BLANK, mark
 from endoct.workbench.exporting.source import Source
+from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 
-def write_itk_transform(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
-    """Write where a point of side B lies in side A's frame, mm; with ``options.inverse`` the way back.
+def write_itk_transform(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+    """Write where a point of side B lies in side A's frame, mm; with ``request.inverse`` the way back.
 
     Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned.
     """
@@ -26,7 +26,7 @@ def write_itk_transform(source: Source, path: Path, options: Options, stages: St
     a, b = source.sides
     matrix, offset_mm = affine_of(source.alignment)
     start, end = b, a
-    if options.inverse:
+    if request.inverse:
         matrix = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         offset_mm, start, end = -matrix @ offset_mm, a, b
     save_affine(matrix, offset_mm, f"takes points in the bore frame of {start} to that of {end}, mm", path)
@@ -52,8 +52,8 @@ def save_affine(matrix: Coordinates, offset_mm: Coordinates, title: str, path: P
 def affine_of(alignment: Alignment) -> tuple[Coordinates, Coordinates]:
     """Return (matrix (3, 3), offset_mm (3,)): x, y, z of side A of a point of side B are matrix @ point + offset.
 
-    A turn about z, of the mirror image in y where θ runs the other way; along z a scale, negative where z runs the
-    other way, and a shift. Distances from the axis stay as they are.
+    It turns about z, after a reflection in y where θ runs the other way. Along z it scales, by a negative factor where
+    z runs the other way, and shifts. Distances from the axis stay as they are.
     """
     cos, sin = np.cos(alignment.theta_shift_rad), np.sin(alignment.theta_shift_rad)
     sense = -1.0 if alignment.mirrored else 1.0

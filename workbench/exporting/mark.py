@@ -1,8 +1,8 @@
 """A mark inside a file by which endoct knows it for its own, unaltered, whatever the format.
 
-A writer puts :data:`BLANK` where its format holds text: a comment, a header, a tag. :func:`mark` then writes the digest
-of the whole file, with the mark blank, into it. A folder says what it holds in a file of its own
-(:mod:`endoct.base.files.contents`); a single file that other programs read has no place but its own text.
+A writer puts :data:`BLANK` where its format holds text: a comment, a header, a tag. Into that, :func:`mark` then writes
+the digest of the whole file with the mark blank. A folder says what it holds in a file of its own
+(:mod:`endoct.base.files.contents`). A single file that other programs read has no place but its own text.
 """
 
 import hashlib

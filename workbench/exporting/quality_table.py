@@ -10,19 +10,19 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import read_outline
-from endoct.workbench.exporting.formats import Options
 from endoct.workbench.exporting.source import Source
+from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 
-def write_quality(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
+def write_quality(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write one row a frame, by ascending z: geometry and quality of one side; units stand in the headings.
 
     Flags are true or false, unknown numbers empty. Raises :class:`EndoctError` where a side has to be chosen, or has
     nothing per frame.
     """
     del stages
-    side = _side(source, options.side)
+    side = _side(source, request.side)
     outline = read_outline(source.panoramas[side])
     lengths = {one.values.shape[:1] for one in outline.per_frame.values()}
     if len(lengths) > 1 or lengths & {(), (0,)}:

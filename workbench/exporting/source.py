@@ -33,13 +33,13 @@ class Source:
 
     Attributes
     ----------
-    path: as given; ``folder`` what of it is read, which no output may lie in.
-    grid: of every image, rows at even steps.
-    sides: names of the sides; of a panorama its modality, of truth "truth".
-    alignment: of a comparison, None where its sides are not aligned.
-    panoramas: by side, where there is one: their stores, for what is known per frame.
-    volume: the dense volume, where there is one.
-    doubts, notes: what questions it, and what whoever opens the export elsewhere has to know.
+    path: The path as given; ``folder`` is what of it is read, which no output may lie in.
+    grid: The grid of every image, with rows at even steps.
+    sides: Names of the sides; of a panorama its modality, of truth "truth".
+    alignment: That of a comparison; None where its sides are not aligned.
+    panoramas: The stores of sides that have one, for what is known per frame.
+    volume: The dense volume, where there is one.
+    doubts, notes: What questions it, and what whoever opens the export elsewhere has to know.
     """
 
     path: Path

@@ -30,10 +30,11 @@ from endoct.base.zarr.zarr_store import DAMAGED, read_arrays
 from endoct.fusion.geometry.placement import column_weights
 from endoct.modalities.ct.nifti import nifti_header
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.exporting.formats import VOXEL_MM, Options
+from endoct.workbench.exporting.formats import VOXEL_MM
 from endoct.workbench.exporting.image_layers import NOWHERE, even_rows
 from endoct.workbench.exporting.mark import BLANK, mark
 from endoct.workbench.exporting.source import Source
+from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 Voxels = NDArray[Any]
@@ -198,7 +199,7 @@ _FLOATS = {"f4": "float", "f8": "double"}
 _LPS = "left-posterior-superior"
 
 
-def volume_of(source: Source, options: Options) -> Volume:
+def volume_of(source: Source, request: ExportRequest) -> Volume:
     """Return the volume of a source. Raises :class:`EndoctError` where it has none."""
     if source.volume is None:
         raise EndoctError(
@@ -206,7 +207,7 @@ def volume_of(source: Source, options: Options) -> Volume:
             expected="a panorama of OCT that was unrolled with its volume",
             remedy="unroll the recording with volume=True, and export that",
         )
-    return open_volume(source.volume, source.grid, options.voxel_mm)
+    return open_volume(source.volume, source.grid, request.voxel_mm)
 
 
 def volume_facts(volume: Volume) -> dict[str, object]:
@@ -220,12 +221,12 @@ def volume_facts(volume: Volume) -> dict[str, object]:
     }
 
 
-def write_nrrd(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
+def write_nrrd(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``: axes x, y, z in the space left-posterior-superior, mm. Returns what was written.
 
     Raises :class:`EndoctError` where there is none.
     """
-    volume = volume_of(source, options)
+    volume = volume_of(source, request)
     with stages.stage("NRRD") as advance, path.open("wb") as file:
         file.write(_header(volume).encode("ascii"))
         stream = GzipStream(file)
@@ -261,13 +262,13 @@ def _header(volume: Volume) -> str:
     return "\n".join(lines)
 
 
-def write_nifti(source: Source, path: Path, options: Options, stages: Stages) -> dict[str, object]:
+def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``; sform and qform place it. Returns what was written.
 
     World coordinates of NIfTI run right, anterior, superior (RAS): (−x, −y, z) of the bore frame, which is a half turn
     about z and no mirror image. Raises :class:`EndoctError` where there is no volume.
     """
-    volume = volume_of(source, options)
+    volume = volume_of(source, request)
     packed = path.suffix == ".gz"
     header = nifti_header(volume.shape, volume.dtype, _to_ras(volume), "bore, RAS", "" if packed else BLANK)
     with stages.stage("NIfTI") as advance, path.open("wb") as file:

@@ -1,6 +1,6 @@
 """A folder of comparisons, panoramas and simulated specimens: what lies in it, its table, its thumbnails.
 
-What lies in it is read from the small files of each only. The table is HTML; it is there before any program runs,
+Only small files of each output are read. The table is HTML; it is there before any program runs,
 which sorts and filters it. Thumbnails are the wall as strips, z to the right and θ down.
 """
 
@@ -38,7 +38,7 @@ from endoct.workbench.report.wording import NOTHING, interval_text
 
 Kind = Literal["comparison", "recording", "specimen"]
 DEEPEST = 4
-"""How many folders below the one that is served anything is looked for."""
+"""How many levels below the folder that is served are searched."""
 MOST_ENTRIES = 5000
 MOST_FOLDERS = 50_000
 SAMPLE = Path("truth", "sample.json")
@@ -106,7 +106,7 @@ def check_no_links(path: Path) -> None:
 
 
 def _found(folder: Path) -> Iterator[tuple[Path, Kind]]:
-    """Yield what is recognised; nothing is looked for inside of it."""
+    """Yield what is recognised, without searching inside it."""
     below = [(folder, 0)]
     for _ in range(MOST_FOLDERS):
         if not below:
@@ -230,12 +230,12 @@ def address_of(entry: Entry, pages: str = PAGES) -> str:
 
 
 def _level(entry: Entry) -> tuple[int, str]:
-    """Return how far an entry is trusted: by which it is sorted, and in words."""
+    """Return how far an entry is trusted: a key to sort by, and words."""
     return (list(LEVELS).index(entry.level), LEVELS[entry.level]) if entry.level else (len(LEVELS), NOTHING)
 
 
 def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
-    """Yield the numbers of an entry by column: by which it is sorted, the text, and its interval."""
+    """Yield the numbers of an entry by column: a key to sort by, the text, and its interval."""
     yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
     yield *_number(entry.dice), ""
     if entry.cells is None:
@@ -252,13 +252,13 @@ def _number(value: float | None) -> tuple[str, str]:
 
 
 STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
-"""Height of strips, how wide all of them can be, and what lies between two."""
+"""Height of a strip, greatest width of all together, and gap between two."""
 MOST_PX = 2000
-"""Of the truth that are looked at, along either axis."""
+"""Samples of the truth that are read along either axis."""
 NOT_OBSERVED = (185, 208, 242, 255)
-"""The colour that it has on the page and in figures."""
+"""Colour of what was not observed, as on the page and in figures."""
 DEEP_MM = 0.8
-"""Black in a relief."""
+"""Depth that a relief shows black."""
 
 Pixels = NDArray[np.uint8]
 
@@ -316,7 +316,7 @@ def _relief(specimen: Path) -> Pillow.Image:
 
 
 def _strip(wall: Pixels, turns: float) -> Pillow.Image:
-    """Return a wall, RGBA (z, θ, 4), whose length is so many times its circle, as a strip."""
+    """Return a wall, RGBA (z, θ, 4), as a strip; its length is so many times its circumference."""
     width = min(max(round(STRIP_PX * turns), 1), WIDEST_PX)
     sideways = np.ascontiguousarray(wall.transpose(1, 0, 2))
     strip = Pillow.fromarray(sideways, "RGBA").resize((width, STRIP_PX), Pillow.Resampling.BOX)

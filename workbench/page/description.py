@@ -1,4 +1,4 @@
-"""What the page is told before the first tile: one description, of a comparison or of one panorama.
+"""What the page gets before the first tile: one description, of a comparison or of one panorama.
 
 The page's sources have the same names in ``frontend/src/description.ts``.
 """
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 CellState = Literal["matched", "overlapping", "alone", "not observed", "not aligned"]
-"""What the other side has where a cell lies; "alone": wall."""
+"""What the other side has where a cell lies: "alone" means wall."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class ClassPart:
 class LayerPart:
     """One thing that a pane can show.
 
-    Attributes: ``key`` in the addresses of tiles; ``title``; ``side``, None for what concerns both; ``kind``: numbers
-    that the page colours, or classes in colours; of numbers the ``quantity`` and ``unit``, the values ``low`` and
-    ``high`` of the first and the last code, and the contrast to begin with, ``shown_low`` to ``shown_high``; of classes
-    the ``classes``; ``finest_level`` of its tiles; ``row_mm`` and ``column_mm``, how far its samples lie apart.
+    ``key`` stands in the addresses of tiles. ``side`` is None for what concerns both. ``kind``: numbers that the page
+    colours, or classes in colours. Numbers have a ``quantity`` and a ``unit``. ``low`` and ``high`` are the values of
+    their first and last code, ``shown_low`` to ``shown_high`` is the contrast to begin with. Classes have ``classes``.
+    ``finest_level`` is that of its tiles. Its samples lie ``row_mm`` and ``column_mm`` apart.
     """
 
     key: str

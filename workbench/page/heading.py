@@ -22,9 +22,9 @@ from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_
 from endoct.workbench.report.wording import interval_text, share_text
 
 Fact = tuple[str, str]
-"""Its name and its value."""
+"""A name and a value."""
 Link = tuple[str, str]
-"""An address, and what is said of it."""
+"""An address and its text."""
 
 
 @dataclass(frozen=True)
@@ -127,5 +127,5 @@ def printed_page(heading: Heading, sections: Sequence[Section], remark: str) -> 
 
 
 def bundled(name: str) -> Markup:
-    """Return the page's own style, or one of its programs, to be put into a page as it is."""
+    """Return the page's own style, or one of its programs, for a page to embed unchanged."""
     return Markup(files("endoct.workbench.page").joinpath("bundle", name).read_text("utf-8"))

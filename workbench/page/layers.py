@@ -35,7 +35,7 @@ from endoct.workbench.page.wall import Pixels, Placing, Wall, placing_of
 CODES = 255
 """The code of the high end of a layer's numbers. No sample has it: what lies there is shown as one less."""
 _NOT_OBSERVED = 255
-"""The place in the palette of what was not observed: transparent."""
+"""Palette entry of what was not observed: transparent."""
 _GREY = [(grey, grey, grey) for grey in range(256)]
 
 
@@ -140,7 +140,7 @@ DRAWN = "drawn."
 """How keys of masks drawn by hand begin; those of sides have their name and a '-' before anything else."""
 DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
 CELL_COLOURS = COLOURS[ONLY_A], COLOURS[ONLY_B]
-"""Of the cells of A and of B."""
+"""Colours of the cells of A and of B."""
 
 
 class _Sampling(TypedDict):
@@ -151,7 +151,7 @@ class _Sampling(TypedDict):
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A layer, and what the page is told of it."""
+    """A layer, and its description for the page."""
 
     layer: Layer
     part: LayerPart
@@ -282,18 +282,19 @@ def _hex(colour: tuple[int, int, int]) -> str:
 
 
 MOST_SAMPLES = 350_000
-"""Of a relief: 0.7 MB, and no more corners than any machine draws smoothly."""
+"""Samples of a relief: 0.7 MB, and few enough corners for any machine to draw smoothly."""
 FINEST_LEVEL = 2
-"""Whose pixels the columns are: 1024 around."""
+"""Finest level for the columns of a relief: 1024 around."""
 LAST_CODE = 65_535
 
 
 def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> bytes:
     """Return what ``plane`` shows, in mm, at its own rows and in columns around the circle.
 
-    All is little-endian: the numbers of rows and of columns as uint32; the values of the codes 1 and 65 535 as float32;
-    z of every row in mm as float32, ascending; then codes as uint16, row by row, 0 where nothing was observed. Column j
-    of n has its centre at θ = (j + ½) · 2π/n. Where there are more rows than fit, each is the mean of some.
+    All is little-endian. First come the numbers of rows and of columns as uint32. The values of the codes 1 and 65 535
+    follow as float32, then z of every row in mm as float32, ascending. Last come the codes as uint16, row by row, 0
+    where nothing was observed. Column j of n has its centre at θ = (j + ½) · 2π/n. Where there are more rows than fit,
+    each is the mean of some.
     """
     level = min(wall.level_for(plane.placing.dtheta_mm(wall.radius_mm)), FINEST_LEVEL)
     row_mm, found = plane.own_rows(wall, level, max(2, most_samples // wall.width_px(level)))
@@ -308,7 +309,7 @@ def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> 
 TOLERANCE_SAMPLES = 0.25
 """How far a line may depart from the outline, in samples of the image that it is drawn from."""
 DECIMALS = 5
-"""Of rad and mm: a hundredth of a micrometre."""
+"""Decimals of rad and mm: a hundredth of a micrometre."""
 
 
 def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
@@ -323,7 +324,7 @@ def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
 
 
 MOST_OUTLINED = 2048
-"""Samples of a mask along either axis, of which outlines are drawn; of larger ones several are averaged."""
+"""Samples of a mask along either axis that outlines are drawn from; larger masks are averaged first."""
 
 
 def mask_outlines(mask: Mask, grid: SurfaceGrid, where: Alignment | None) -> tuple[tuple[float, ...], ...]:

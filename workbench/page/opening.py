@@ -1,17 +1,27 @@
-"""Folders of endoct, opened for the page. Of the images only what a first view needs is read."""
+"""Folders of endoct, opened for the page. Of the images only what a first view needs is read.
+
+The cells of a comparison become rows of a table: what each measures, and what the other side has there. Where there is
+a truth, the rows also say whether it has a cell there.
+"""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from endoct.base.errors import EndoctError
+import numpy as np
+
+from endoct.base.arrays import Mask
+from endoct.base.errors import EndoctError, refusing
 from endoct.base.zarr.window import ChunkCache
+from endoct.base.zarr.zarr_store import read_arrays
+from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
+from endoct.fusion.scoring.cells import OBSERVED, Cell
+from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.workbench.page.cell_rows import cell_parts, cells_by_truth
-from endoct.workbench.page.description import Description, OutlinePart, WallPart
+from endoct.workbench.page.description import CellPart, CellState, Description, OutlinePart, WallPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
 from endoct.workbench.page.layers import (
@@ -34,9 +44,11 @@ from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
 
 MOST_PANES = 3
-"""At first; people open more."""
+"""Panes that are open at first."""
 CACHE_BYTES = 16_000_000
-"""Of chunks that are kept for the next tile."""
+"""Memory for chunks that are kept for the next tile."""
+REAL = 0.5
+"""A cell is real where the truth covers at least this share of it, the share that must overlap to match."""
 
 
 def can_be_shown(path: Path) -> bool:
@@ -148,7 +160,7 @@ def _outlines(described: Iterable[Described]) -> Iterator[OutlinePart]:
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:
-    """Return of either side what shows its cells best, then the difference; where there is none, the cells."""
+    """Return for each side the layer that shows its cells best, then the difference or, without one, the cells."""
     parts = [one.part for one in described]
     best = []
     for side in outline.names:
@@ -160,3 +172,91 @@ def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> 
 
 def _name(path: Path) -> str:
     return path.resolve().name.removesuffix(".zarr")
+
+
+def cell_parts(
+    cells: Sequence[Cell], names: tuple[str, str], real: Mapping[tuple[str, int], bool], *, aligned: bool
+) -> Iterator[CellPart]:
+    """Yield every cell as the page shows it; ``real`` by side and number as :func:`cells_by_truth` has it."""
+    for cell in cells:
+        other = names[1] if cell.side == names[0] else names[0]
+        is_real = real.get((cell.side, cell.id))
+        state, why = _seen(cell, other, aligned=aligned)
+        truth = "" if is_real is None else f"; the truth has {'a cell' if is_real else 'no cell'} there"
+        yield CellPart(
+            side=cell.side,
+            id=cell.id,
+            theta_rad=cell.theta_rad,
+            z_mm=cell.z_mm,
+            area_mm2=cell.area_mm2,
+            diameter_mm=cell.diameter_mm,
+            depth_median_mm=cell.depth_median_mm,
+            depth_p95_mm=cell.depth_p95_mm,
+            volume_mm3=cell.volume_mm3,
+            depth_of=cell.depth_of,
+            contrast=cell.contrast,
+            touches_edge=cell.touches_edge,
+            observed_by_other=cell.observed_by_other,
+            covered=cell.covered,
+            seen_by=cell.seen_by,
+            partner=cell.partner,
+            overlap=cell.overlap,
+            state=state,
+            why=why + truth,
+            is_real=is_real,
+        )
+
+
+def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:
+    """Return what the other side has where a cell lies."""
+    if not aligned:
+        return "not aligned", "not aligned: nobody knows where it lies on the other side"
+    partner = f"{other} {cell.partner}"
+    if cell.is_matched and cell.partner:
+        return "matched", f"is {partner}: overlap {cell.overlap:.2f}"
+    if not cell.counts:
+        return "not observed", f"not covered: {other} observed {cell.observed_by_other:.0%} of it"
+    if cell.partner:
+        return "overlapping", f"overlaps {partner} by {cell.overlap:.2f}, less than half"
+    return "alone", f"only {cell.side}: {other} observed {cell.observed_by_other:.0%} of it and has wall there"
+
+
+def cells_by_truth(folder: Path, names: tuple[str, str]) -> dict[tuple[str, int], bool]:
+    """Return by side and number whether the truth has a cell where each cell of a comparison in ``folder`` lies.
+
+    The truth is the one mask that was given, or what most raters drew. Cells of which it was given for less than half
+    are left out; all are where there is no truth. Raises :class:`EndoctError` where a store is damaged.
+    """
+    k = _which_truth(folder)
+    if k is None:
+        return {}
+    with refusing(f"{folder} cannot be read"):
+        truth = read_arrays(folder / DRAWN_STORE, ("mask", "valid"))
+        masks = read_arrays(folder / "comparison.zarr", ("mask",))["mask"]
+    return {
+        (side, number): is_real
+        for side, mask in zip(names, masks, strict=True)
+        for number, is_real in _real(mask, truth["mask"][k], truth["valid"][k])
+    }
+
+
+def _which_truth(folder: Path) -> int | None:
+    """Return which of the drawn masks is the truth."""
+    drawn = read_drawn(folder)
+    if drawn is None:
+        return None
+    raters = [rater for rater, _ in drawn.drawn_by]
+    if len(raters) == 1:
+        return 0
+    return raters.index(MAJORITY) if MAJORITY in raters else None
+
+
+def _real(mask: Mask, truth: Mask, valid: Mask) -> Iterator[tuple[int, bool]]:
+    labels = label_in_order(mask)
+    n = int(labels.max(initial=0)) + 1
+    area, known, covered = (
+        np.bincount(labels[where], minlength=n) for where in (np.ones_like(mask), valid, truth & valid)
+    )
+    for number in range(1, n):
+        if known[number] >= OBSERVED * area[number]:
+            yield number, bool(covered[number] >= REAL * known[number])

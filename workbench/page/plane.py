@@ -1,4 +1,4 @@
-"""Images of the wall, of which windows are read or averaged: what tiles are cut from."""
+"""Images of the wall that tiles are cut from: windows of them are read or averaged."""
 
 import math
 import threading
@@ -14,9 +14,9 @@ from endoct.base.zarr.window import StoredImage
 from endoct.workbench.page.wall import TILE_PX, Indices, Pixels, Placing, Spans, Wall, column_spans, row_spans
 
 MOST_OVERVIEW_SAMPLES = 1_500_000
-"""Of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
+"""Samples of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
 SAMPLES_AT_ONCE = 500_000
-"""Read at a time for an overview or a tile."""
+"""Samples that are read at a time for an overview or a tile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class Plane:
         return row_mm, _means(overview.averaged, Spans(start, stop), _coarser(columns, overview.across, n_theta))
 
     def overview(self) -> Overview:
-        """Return the whole image, small; made when first asked for."""
+        """Return the whole image, thinned; it is made at the first call."""
         with self._lock:
             if not self._overview:
                 self._overview.append(self._new_overview())
@@ -160,7 +160,7 @@ def thinning(shape: tuple[int, int], tall_mm: float, wide_mm: float) -> tuple[in
 
 
 def _coarser(spans: Spans, by: int, n: int) -> Spans:
-    """Return the spans of samples each the mean of ``by`` of ``n``, which go on around; the last may have fewer."""
+    """Return spans for means of ``by`` of ``n`` samples each, which go on around; the last may have fewer."""
     coarse = -(-n // by)
     last = spans.stop - 1
     start = spans.start // n * coarse + spans.start % n // by

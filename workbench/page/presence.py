@@ -23,7 +23,7 @@ State = tuple[tuple[int, ...], ...]
 
 
 class Gone(EndoctError):
-    """What a page shows was replaced or deleted."""
+    """The output that a page shows was replaced or deleted."""
 
 
 class Origin:
@@ -80,7 +80,7 @@ def gone(folder: Path) -> Gone:
 
 
 def concerning(origin: Origin) -> Callable[[Callable[[Request], Response]], Callable[[Request], Response]]:
-    """Have what answers requests answer of ``origin`` or, with :class:`Gone`, not at all."""
+    """Have a function that answers requests answer from ``origin`` or, raising :class:`Gone`, not at all."""
 
     def decorate(answer: Callable[[Request], Response]) -> Callable[[Request], Response]:
         @functools.wraps(answer)
@@ -100,7 +100,7 @@ def concerning(origin: Origin) -> Callable[[Callable[[Request], Response]], Call
 
 
 def _state_of(folder: Path) -> State:
-    """Return what changes with the folder, or any of its small files; cheaper than the digest."""
+    """Return numbers that change with the folder or any of its small files; cheaper than the digest."""
     found = []
     for path in (folder, *small_files(folder)):
         try:

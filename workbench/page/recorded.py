@@ -42,8 +42,8 @@ class Recording:
 def recording_of(outline: PanoramaOutline, folder: Path) -> Recording | None:
     """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say.
 
-    A path that was given relative to some folder is looked for from here, then from ``folder``, in which the output
-    lies, and from those that it lies in. It is the recording only if its digests are, which :class:`Reader` checks.
+    A path that was given relative to some folder is looked for from here first. Next come ``folder``, in which the
+    output lies, and the folders above it. It is the recording only if its digests are, which :class:`Reader` checks.
     """
     found = outline.provenance
     inputs, acquisition, parameters = (found.get(key) for key in ("inputs", "acquisition", "parameters"))
@@ -84,7 +84,7 @@ def path_of_recording(outline: PanoramaOutline) -> Path | None:
 
 
 class _Counted:
-    """A stream that knows how much of it was read."""
+    """A stream that counts the frames that were read."""
 
     def __init__(self, stream: FrameStream) -> None:
         self._stream, self.n_read = stream, 0
@@ -108,7 +108,7 @@ class _Counted:
 
 @dataclass
 class Reader:
-    """Surveys a recording in a thread of its own when it is first asked to, and then pictures any of its frames."""
+    """Surveys a recording in a thread of its own once that is started, and then pictures any of its frames."""
 
     recording: Recording
     state: State = "unread"
@@ -176,7 +176,7 @@ class Reader:
 QUALITY = 92
 """Of a JPEG. WebP of quality 88 makes B-scans a fifth smaller and 0.5 to 1 dB better, in twenty times the time."""
 MOST_POINTS = 1000
-"""Of a curve: as many as a picture has columns."""
+"""Points of a curve: as many as a picture has columns."""
 
 
 def picture_json(picture: Picture, ring: dict[str, float] | None) -> dict[str, Any]:

@@ -199,11 +199,11 @@ TYPES = {
     "desk.css": "text/css",
 }
 MOST_DIGITS = 9
-"""Of a number in an address: what is longer names nothing here."""
+"""Digits of a number in an address; longer ones name nothing here."""
 KEPT = "private, max-age=3600"
 """How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
 MOST_THREADS = 2
-"""That cut tiles: more take memory and save no time."""
+"""Threads that cut tiles: more take memory and save no time."""
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
@@ -294,7 +294,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
 
 @asynccontextmanager
 async def few_threads(_: Starlette) -> AsyncIterator[None]:
-    """Have an application answer in few threads."""
+    """Limit an application to few threads."""
     current_default_thread_limiter().total_tokens = MOST_THREADS
     yield
 
@@ -332,7 +332,7 @@ async def not_found(_: Request, error: Any) -> Response:
 
 
 async def not_there(_: Request, error: Any) -> Response:
-    """Answer that what the page shows is there no more."""
+    """Answer that the output which the page shows is gone."""
     return PlainTextResponse(str(error), status_code=410, headers=FRESH)
 
 

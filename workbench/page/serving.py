@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType
 from urllib.parse import parse_qs, unquote_to_bytes
 
+import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
@@ -47,6 +48,7 @@ from endoct.workbench.page.server import (
     allowed_hosts,
     asset,
     few_threads,
+    page_app,
     whole_number,
 )
 from endoct.workbench.page.shown import Shown
@@ -54,11 +56,11 @@ from endoct.workbench.page.wall import NoSuchTile
 
 USUAL_PORT = 8765
 ANSWERING_S = 1
-"""What requests have to be answered once the server is to end."""
+"""Seconds that requests have to be answered once the server is to end."""
 
 
 def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
-    """Serve the page of ``folder`` on ``host`` until interrupted; ``announce`` is told its address.
+    """Serve the page of ``folder`` on ``host`` until interrupted; ``announce`` is called with its address.
 
     Without a ``port`` it is the usual one, or where that is taken any that is free. Raises :class:`EndoctError` where
     the folder cannot be shown, or the port cannot be had.
@@ -67,14 +69,12 @@ def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], N
 
 
 def run_server(
-    serves: Callable[[str, int], "Starlette"], host: str, port: int | None, announce: Callable[[str], None]
+    serves: Callable[[str, int], Starlette], host: str, port: int | None, announce: Callable[[str], None]
 ) -> None:
     """Serve the application that ``serves`` makes for a host and a port, until interrupted.
 
-    ``announce`` is told its address. Raises :class:`EndoctError` where the port cannot be had.
+    ``announce`` is called with its address. Raises :class:`EndoctError` where the port cannot be had.
     """
-    import uvicorn
-
     with listening_socket(host, port) as listening:
         called, chosen = name_in_browsers(host, listening), listening.getsockname()[1]
         announce(f"http://{f'[{called}]' if ':' in called else called}:{chosen}/")
@@ -86,22 +86,22 @@ def run_server(
             timeout_graceful_shutdown=ANSWERING_S,
         )
 
-        class Server(uvicorn.Server):
-            def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-                logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)  # who is not answered is no error now
-                super().handle_exit(sig, frame)
-
         with suppress(KeyboardInterrupt):  # how it is meant to end
-            Server(settings).run(sockets=[listening])
+            _Server(settings).run(sockets=[listening])
 
 
-def page_or_table(folder: Path) -> Callable[[str, int], "Starlette"]:
+class _Server(uvicorn.Server):
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End, quietly: that somebody is not answered is no error now."""
+        logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
+        super().handle_exit(sig, frame)
+
+
+def page_or_table(folder: Path) -> Callable[[str, int], Starlette]:
     """Return what makes the application for a host and a port: of one page, or of a table of many.
 
     Raises :class:`EndoctError` where there is nothing to show.
     """
-    from endoct.workbench.page.server import page_app
-
     if can_be_shown(folder):
         shown = open_shown(folder)
         return lambda host, port: page_app(shown, partial(open_shown, folder), host, port)
@@ -161,7 +161,7 @@ def _bound_address(listening: socket.socket) -> IPv4Address | IPv6Address:
 
 
 MOST_OPEN = 6
-"""Pages that are held open, those that were looked at last."""
+"""Pages that are held open: those that were asked for last."""
 MOST_TABLES = 20
 """Tables whose places are remembered: a window may ask for the thumbnails of an older one."""
 

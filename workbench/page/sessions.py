@@ -142,9 +142,10 @@ class Sessions:
     def save(self, data: bytes) -> dict[str, Any]:
         """Write posted pairs into the session file and return its digest as ``saved``.
 
-        ``based_on`` in ``data`` is the digest of the file that the page had read, null where there was none. Raises
-        :class:`EndoctError` for nonsense, and where the file is another by now, a link, or no session of these sides;
-        :class:`Gone` where the comparison is not there any more. No other folder than the comparison's is written to.
+        ``based_on`` in ``data`` is the digest of the file that the page had read, null where there was none. No other
+        folder than the comparison's is written to. Raises :class:`EndoctError` for nonsense, and where the file is
+        another by now, a link, or no session of these sides. Raises :class:`Gone` where the comparison is not there any
+        more.
         """
         if self.refused:
             raise EndoctError(self.refused)

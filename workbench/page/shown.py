@@ -133,7 +133,7 @@ class Shown:
 
 
 DIGITS = 5
-"""Significant ones, of numbers per frame."""
+"""Significant digits of numbers per frame."""
 
 
 def frames_part(
@@ -165,7 +165,7 @@ def _placement(where: Alignment) -> PlacementPart:
 
 
 def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:
-    """Yield what says how good frames are: numbers with a usual range first, then flags that speak against any."""
+    """Yield what says how good frames are: numbers with a usual range, then flags that speak against a frame."""
     series = sorted(outline.per_frame.items())
     for name, one in series:
         if one.usual is not None and one.values.ndim == 1:

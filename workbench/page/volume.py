@@ -25,9 +25,9 @@ def has_volume(store: Path) -> bool:
 def volume_bytes(store: Path) -> bytes:
     """Return the volume of the panorama in ``store`` as codes, resampled to at most ``MOST``.
 
-    All is little-endian: the numbers of slices, columns and samples along the radius as uint32; as float32 z of the
-    first and the last slice in mm, θ of the first column in rad, radius of the first and the last sample in mm; then
-    codes as uint8, slice by slice, column by column.
+    All is little-endian. First come the numbers of slices, columns and samples along the radius as uint32. Places
+    follow as float32: z of the first and the last slice, mm; θ of the first column, rad; radius of the first and the
+    last sample, mm. Last come the codes as uint8, slice by slice, column by column.
 
     Raises :class:`EndoctError` where there is no volume, or it is damaged.
     """
@@ -69,5 +69,5 @@ def nearest_rows(z_mm: Coordinates, count: int) -> list[int]:
 
 
 def _first(axis: Coordinates, count: int) -> float:
-    """Return the centre of the first of ``count`` samples, each the mean of as many of ``axis`` as any other."""
+    """Return the centre of the first of ``count`` samples, each the mean of equally many of ``axis``."""
     return float(axis[0] + (axis.size / count - 1) / 2 * (axis[1] - axis[0]))

@@ -1,8 +1,8 @@
 """The wall as tiles: which part of it every tile shows, at every level, and which samples a pixel shows.
 
 The wall is a cylinder unrolled, θ from 0 across, z down, in square pixels. At level k its circle is 256 · 2ᵏ pixels
-wide: a whole number of tiles at every level, so that tiles go on endlessly around it. Tiles reach one pixel into
-their neighbours, around the circle too, so that no seam shows where they are drawn scaled.
+wide. That is a whole number of tiles, so that tiles go on endlessly around it. Tiles reach one pixel into their
+neighbours, around the circle too, so that no seam shows where they are drawn scaled.
 """
 
 import math
@@ -20,7 +20,7 @@ from endoct.stitching.grid import SurfaceGrid
 TILE_PX = 256
 OVERLAP_PX = 1
 FINEST_LEVEL = 8
-"""Of 65 536 pixels around: a pixel of a 2.5 mm bore has 0.1 µm."""
+"""It has 65 536 pixels around: a pixel of a 2.5 mm bore has 0.1 µm."""
 
 
 class NoSuchTile(EndoctError):

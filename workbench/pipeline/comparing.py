@@ -41,8 +41,7 @@ from endoct.workbench.pipeline.sources import (
     unroll_sources,
 )
 from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
-from endoct.workbench.report.figures.begun import Figures, begin_both, begin_sides
-from endoct.workbench.report.figures.rendered import FIGURES
+from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.progress import Stages

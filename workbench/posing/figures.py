@@ -1,4 +1,4 @@
-"""Figures of a pose: the CT cut along the bore, and each side's wall beside what the CT predicts of it."""
+"""Figures of a pose and of an outlook: the CT cut along the bore, the wall of each side, and what the CT predicts."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from scipy import ndimage
 from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
+from endoct.fusion.pose import search
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.structures import mask_of, name_of, segments_in
 from endoct.fusion.pose.summary import radius_of
@@ -18,7 +19,7 @@ from endoct.fusion.pose.support import LONG_BARE_MM, drawn_on
 from endoct.modalities.ct.ct_volume import CtVolume, part_around
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.posing.side_in_air import COLUMNS, ROWS_MM
+from endoct.workbench.posing.prediction import COLUMNS, ROWS_MM
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     DEPTH_COLOURS,
@@ -46,12 +47,12 @@ from endoct.workbench.report.figures.wall_panels import (
 )
 
 BEFORE_MM, AFTER_MM, ASIDE_MM, STEP_MM = 4.0, 9.0, 7.0, 0.1
-"""Of the CT around the bore that a cut shows."""
+"""How much of the CT a cut shows around the bore, and its samples."""
 WINDOW_HU = (-1000.0, 2000.0)
 DEEPEST_MM = 1.0
 STRUCTURE_COLOURS = {"facial nerve": VERMILION, "chorda tympani": PURPLE, "cochlea": GREEN}
 OTHER_COLOURS = BLUE, "#8C564B", "#7F7F00"
-"""Of structures by name; of others in turn."""
+"""Colours of structures by name; others take theirs in turn."""
 LEAST_SHARE = 0.5
 
 
@@ -132,6 +133,19 @@ def draw_wall(side: Side, prediction: Panorama) -> Drawn:
     return Drawn(rendered, f"wall-{side.name}", f"The wall by {side.name}, and by the CT at the pose", caption)
 
 
+def draw_wall_of_plan(wall: Image, radius_mm: float) -> Drawn:
+    """Draw the wall of a bore along the plan as the CT has it: ``wall``, the share of air (n_z, n_theta)."""
+    grid = SurfaceGrid.full_circle(wall.shape[0], search.COLUMNS, z0_mm=0.0, dz_mm=search.ROWS_MM, radius_mm=radius_mm)
+    with journal_style():
+        figure, (axes,) = panel_figure(grid, 1)
+        wall_panel(axes, grid, "predicted by the CT")
+        image = show_surface(axes, grid, 1 - wall, np.ones(wall.shape, np.bool_), INTENSITY_COLOURS, 0.0, 1.0)
+        colour_bar(axes, image, "share of bone")
+        rendered = render(figure, "wall")
+    caption = f"Along the plan, {scale_text(grid)}. θ and z are those of the plan's frame; dark: air."
+    return Drawn(rendered, "wall", "The wall of a bore along the plan, by the CT", caption)
+
+
 def _cut(volume: CtVolume, pose: BorePose, z: Coordinates, aside: Coordinates, axis: int) -> Image:
     """Return a volume in a plane of the bore frame, (aside, z), NaN outside of it."""
     part, index = _around(volume, pose, z, aside, axis)
@@ -152,7 +166,7 @@ def _around(
 
 
 def _window(ct: CtVolume) -> tuple[float, float]:
-    """Return the values shown black and white: those of Hounsfield units, or of labels 0 and 1."""
+    """Return the values that are drawn black and white: of Hounsfield units, or of labels 0 and 1."""
     return WINDOW_HU if float(ct.voxels.min()) < -500 else (0.0, 1.0)
 
 

@@ -11,8 +11,7 @@ from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import radius_of
 from endoct.modalities.ct.trajectory import write_line
 from endoct.workbench.exporting.itk_transform import save_affine
-from endoct.workbench.exporting.mesh_files import save_ply, save_stl
-from endoct.workbench.exporting.wall_mesh import Mesh
+from endoct.workbench.exporting.mesh_files import Mesh, save_ply, save_stl
 from endoct.workbench.posing.result import axis_of
 
 AROUND, ALONG_MM = 48, 0.5

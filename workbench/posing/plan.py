@@ -33,9 +33,9 @@ def read_plan(
 ) -> Planned:
     """Return the CT and the plan: ``entry_mm`` and ``target_mm``, or the markups file ``plan``.
 
-    ``coordinates``: what ``entry_mm`` and ``target_mm`` mean, and the CT's own numbers where its file does not say;
-    left out, they mean what the file of the CT says. Raises :class:`EndoctError` where something cannot be read, is not
-    said, or where the plan lies outside the CT.
+    ``coordinates`` says what ``entry_mm`` and ``target_mm`` mean, and the CT's own numbers where its file does not.
+    Left out, they mean what the file of the CT says. Raises :class:`EndoctError` where something cannot be read or is
+    not said, or where the plan lies outside the CT.
     """
     if (plan is None) == (entry_mm is None and target_mm is None):
         raise EndoctError(

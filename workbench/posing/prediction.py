@@ -1,6 +1,12 @@
-"""What the CT predicts of a side's wall at the pose, on the side's own samples, and that as a comparison."""
+"""A side in the CT's air: its cells, and what the CT predicts of its wall at the pose, alone and as a comparison.
 
-from dataclasses import replace
+Loads torch: imported only where a pose is looked for.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +18,10 @@ from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.store import write_cells
 from endoct.fusion.geometry.placement import IN_PLACE
+from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -21,14 +29,45 @@ from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.posing.result import Made
-from endoct.workbench.posing.side_in_air import COLUMNS, PARAMETERS, SideInAir
+from endoct.workbench.running.scheduler import one_blas_thread
 
+ROWS_MM, COLUMNS = 0.05, 1024
+"""Samples of a side's comparison with the CT: far finer than a CT."""
+PARAMETERS = CompareParameters(dz_mm=ROWS_MM, n_theta=COLUMNS, polarity="dark")
 MODALITY = "ct"
 ROWS_AT_A_TIME = 256
 NOTE = (
     "This side is what the CT has on the wall at the pose that `endoct pose` found: it lies where it does by that "
     "pose, and was not aligned."
 )
+
+
+@dataclass(frozen=True, eq=False)
+class SideInAir:
+    """A side, and the air around the plan that it is looked for in."""
+
+    air: AirAround
+    side: Side
+
+    @cached_property
+    def cells(self) -> Segmentation:
+        """The cells of the side, found when they are first read, and kept."""
+        return segment_side(self.side, PARAMETERS, "dark")
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Limit BLAS and torch to one thread, as a context or a decorator: the order of sums is that of any machine.
+
+    A search and a fit are many steps on small arrays, at which threads wait for one another.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with one_blas_thread():
+            yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def predicted(air: AirAround, pose: BorePose, side: Side) -> Panorama:
@@ -67,7 +106,7 @@ def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comp
         compared = compare_placed((given.side, of_ct), cells, in_place, PARAMETERS)
     except EndoctError:
         return None
-    # what is doubted of a recording, as lost frames, does not concern a CT
+    # doubts about a recording, such as lost frames, do not concern a CT
     doubts = tuple(doubt for doubt in compared.result.doubts if doubt.side != MODALITY)
     return replace(compared, result=compared.result.model_copy(update={"doubts": doubts}))
 

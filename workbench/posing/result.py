@@ -1,4 +1,4 @@
-"""What `endoct pose` found, and how ``pose.json`` says it."""
+"""What `endoct pose` and its outlook say, and how ``pose.json`` and ``outlook.json`` say it."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Image
 from endoct.base.doubt import Doubt
 from endoct.fusion.pose.finding import PoseAnswer
+from endoct.fusion.pose.outlook import Outlook, Prospect
 from endoct.fusion.pose.pose import BorePose, Estimate
 from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RIMS, SCALE, TURN
@@ -18,7 +19,7 @@ from endoct.modalities.ct.trajectory import Point, Trajectory
 from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.volumes import VolumeFacts
 
-FORMAT = "endoct-pose-1"
+FORMAT, OUTLOOK_FORMAT = "endoct-pose-1", "endoct-pose-outlook-1"
 NOTICE = "Research software, not for clinical decisions."
 
 
@@ -47,11 +48,11 @@ class PoseResult:
 
     Attributes
     ----------
-    answer: the pose, of all sides and of each alone.
-    summary: the same in clinical words.
-    coordinates: the convention, RAS or LPS, of every place in :meth:`to_json`.
-    made: from what, with what and how fast.
-    volumes: what was read of the CT ("ct") and of the segmentation ("labels"), with notes and doubts.
+    answer: The pose, of all sides and of each alone.
+    summary: The same in clinical words.
+    coordinates: The convention, RAS or LPS, of every place in :meth:`to_json`.
+    made: From what, with what and how fast.
+    volumes: What was read of the CT ("ct") and of the segmentation ("labels"), with notes and doubts.
     """
 
     answer: PoseAnswer
@@ -171,6 +172,60 @@ class PoseResult:
         }
 
 
+@dataclass(frozen=True, eq=False)
+class OutlookResult:
+    """How well a bore along a ``plan`` could be told in the patient's CT.
+
+    Attributes
+    ----------
+    outlook: How rehearsals went, by kind of instrument, and what the CT has on the wall.
+    plan: The trajectory, LPS.
+    coordinates: The convention, RAS or LPS, of every place in :meth:`to_json`.
+    wall: Share of air on the wall of a bore along the plan, (n_z, n_theta) float32, as the CT has it.
+    made: From what, with what and how fast.
+    volumes: What was read of the CT ("ct"), with notes and doubts.
+    """
+
+    outlook: Outlook
+    plan: Trajectory
+    coordinates: Convention
+    wall: Image
+    made: Made
+    volumes: Mapping[str, VolumeFacts]
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """All that is doubted of the CT."""
+        return tuple(doubt for facts in self.volumes.values() for doubt in facts.doubts)
+
+    @property
+    def tellable(self) -> bool:
+        """Whether the bore could be told, well or poorly."""
+        return self.outlook.level != "hardly"
+
+    def __repr__(self) -> str:
+        return f"<OutlookResult: {self.outlook.sentence}>"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what ``outlook.json`` says: objects, lists, texts and numbers only."""
+        return {
+            "format": OUTLOOK_FORMAT,
+            "notice": NOTICE,
+            "level": self.outlook.level,
+            "verdict": self.outlook.sentence,
+            "doubts": [doubt.what for doubt in self.doubts],
+            "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
+            "coordinates": self.coordinates,
+            "plan": plan_json(self.plan, self.coordinates),
+            "wall": asdict(self.outlook.facts),
+            "instruments": {one.instrument: _prospect(one) for one in self.outlook.prospects},
+            "inputs": dict(self.made.inputs),
+            "versions": dict(self.made.versions),
+            "parameters": dict(self.made.parameters),
+            "seconds": dict(self.made.seconds),
+        }
+
+
 def plan_json(plan: Trajectory, coordinates: Convention) -> dict[str, Any]:
     """Return a plan as files say it."""
     return {
@@ -204,3 +259,14 @@ def place_text(place: Point) -> str:
 def _point(values: list[float]) -> Point:
     x, y, z = values
     return x, y, z
+
+
+def _prospect(prospect: Prospect) -> dict[str, Any]:
+    return {
+        "level": prospect.level,
+        "told": prospect.n_told,
+        "told_at_a_wrong_place": prospect.n_misled,
+        "median_error_mm": prospect.median_mm,
+        "largest_error_mm": prospect.largest_mm,
+        "rehearsals": [asdict(one) for one in prospect.tried],
+    }

@@ -1,4 +1,4 @@
-"""What a comparison holds for its report, whether it has just been made or is read back from its folder."""
+"""What a report needs of a comparison, just made or read back from its folder."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from endoct.workbench.report.wording import NOTHING
 MAX_COMPONENTS = 4
 """A vector per frame with more components is not plotted."""
 ROUNDING = 1e-9
-"""What is smaller is 0 but for rounding, in whatever unit."""
+"""Smaller numbers are 0 but for rounding, in whatever unit."""
 MOST_WITHOUT_RANGE = 4
 """Numbers that come first where a plug-in declares no usual range of any."""
 

@@ -13,9 +13,16 @@ from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings, overlaps_of
 from endoct.workbench.report.html_templates import rendered, rendered_blocks
 from endoct.workbench.report.per_frame import number_rows
-from endoct.workbench.report.scores import rater_rows, relief_rows, score_table
 from endoct.workbench.report.side_findings import SideFindings, flag_rows
-from endoct.workbench.report.tables import alignment_rows, overlap_table, pair_rows, side_table
+from endoct.workbench.report.tables import (
+    alignment_rows,
+    overlap_table,
+    pair_rows,
+    rater_rows,
+    relief_rows,
+    score_table,
+    side_table,
+)
 from endoct.workbench.report.wording import leaf_rows
 
 TITLES: Mapping[str, str] = MappingProxyType(
@@ -32,7 +39,7 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "notes": "Notes",
     }
 )
-"""Of the sections on a comparison, in their order; those on quality follow."""
+"""Titles of the sections on a comparison, in their order; those on quality follow."""
 ORDER = tuple(TITLES)
 MADE = "How it was made"
 CSS_PIXELS_PER_INCH = 148

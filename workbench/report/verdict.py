@@ -1,4 +1,4 @@
-"""What is to be said first of a comparison: its doubts, whether the sides were aligned, and how far they agree."""
+"""What a report says first of a comparison: its doubts, whether the sides were aligned, how far they agree."""
 
 import math
 from collections.abc import Sequence
@@ -35,8 +35,8 @@ class Verdict:
 def verdict_of(result: Result) -> Verdict:
     """Return the verdict on a comparison, its doubts before how far the sides agree.
 
-    It is "trusted" only where nothing was forced, nothing is doubted, and the interval of the Jaccard index is at most
-    :data:`WIDEST_INTERVAL` wide; where it is wider, or not known, it is "uncertain".
+    It is "trusted" only where nothing was forced, nothing is doubted, and the Jaccard index is certain: its interval
+    is at most :data:`WIDEST_INTERVAL` wide. Where that is wider, or not known, it is "uncertain".
     """
     alignment = result.alignment if result.aligned else None
     if alignment is None:

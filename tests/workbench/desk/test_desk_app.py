@@ -1,5 +1,6 @@
 """The server of `endoct open`: what it answers to its page, and to nobody else."""
 
+import asyncio
 import json
 import shutil
 import time
@@ -9,11 +10,13 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
+from starlette.requests import ClientDisconnect
 from workbench_page import Served, post, serving
 
+from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
 from endoct.workbench.desk.desk import Desk
-from endoct.workbench.desk.desk_app import desk_app
+from endoct.workbench.desk.desk_app import desk_app, take_file
 from endoct.workbench.running.kinds import POSE
 
 
@@ -227,3 +230,42 @@ def test_only_the_whole_path_of_a_folder_is_opened(served: Served, desk: Desk, t
         html = served.get(page)[1]
         assert b"<script>" not in html.replace(b"<script src=", b"")
         assert b"<b>bold" not in html
+
+
+def dropped(folder: Path, name: str, content: bytes = b"content") -> None:
+    async def parts():
+        yield content[:3]
+        yield content[3:]
+
+    asyncio.run(take_file(folder, name, parts()))
+
+
+def test_dropped_files_appear_and_replace_nothing(tmp_path: Path):
+    dropped(tmp_path, "bore-2/oct/slice 0001.png")
+    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
+    with pytest.raises(EndoctError, match="exists already"):
+        dropped(tmp_path, "bore-2/oct/slice 0001.png", b"other")
+    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
+    assert [path.name for path in (tmp_path / "bore-2" / "oct").iterdir()] == ["slice 0001.png"]
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "/x", "", ".bashrc", "a/.ssh/key", "a//b", "a\nb", "/".join("a" * 20), "away/x"]
+)
+def test_nothing_is_dropped_elsewhere(tmp_path: Path, name: str):
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "away").symlink_to(tmp_path)
+    with pytest.raises(EndoctError):
+        dropped(folder, name)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["away", "study"]
+
+
+def test_a_drop_that_breaks_off_leaves_nothing(tmp_path: Path):
+    async def parts():
+        yield b"half"
+        raise ClientDisconnect
+
+    with pytest.raises(ClientDisconnect):
+        asyncio.run(take_file(tmp_path, "a/b.png", parts()))
+    assert list((tmp_path / "a").iterdir()) == []

@@ -7,8 +7,7 @@ import pytest
 import tifffile
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.desk.preview import Previewer
-from endoct.workbench.desk.sidecar_form import sidecar_form
+from endoct.workbench.desk.sidecar_form import Previewer, sidecar_form
 
 MINE = """# written by hand
 bore_diameter_mm = 2.5   # the drill's

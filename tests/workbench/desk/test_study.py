@@ -7,11 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from starlette.requests import ClientDisconnect
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.desk.desk import Desk
-from endoct.workbench.desk.dropped_files import take_file
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, inputs_in, picture_of
 
@@ -83,49 +81,6 @@ def test_what_a_changed_sidecar_says_is_seen(study: Path):
 
 def test_a_recording_has_a_picture(study: Path):
     assert picture_of(study / "bore-1" / "endoscope").startswith(b"\x89PNG")
-
-
-def dropped(folder: Path, name: str, content: bytes = b"content") -> None:
-    import asyncio
-
-    async def parts():
-        yield content[:3]
-        yield content[3:]
-
-    asyncio.run(take_file(folder, name, parts()))
-
-
-def test_dropped_files_appear_and_replace_nothing(tmp_path: Path):
-    dropped(tmp_path, "bore-2/oct/slice 0001.png")
-    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
-    with pytest.raises(EndoctError, match="exists already"):
-        dropped(tmp_path, "bore-2/oct/slice 0001.png", b"other")
-    assert (tmp_path / "bore-2" / "oct" / "slice 0001.png").read_bytes() == b"content"
-    assert [path.name for path in (tmp_path / "bore-2" / "oct").iterdir()] == ["slice 0001.png"]
-
-
-@pytest.mark.parametrize(
-    "name", ["../x", "/x", "", ".bashrc", "a/.ssh/key", "a//b", "a\nb", "/".join("a" * 20), "away/x"]
-)
-def test_nothing_is_dropped_elsewhere(tmp_path: Path, name: str):
-    folder = tmp_path / "study"
-    folder.mkdir()
-    (folder / "away").symlink_to(tmp_path)
-    with pytest.raises(EndoctError):
-        dropped(folder, name)
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["away", "study"]
-
-
-def test_a_drop_that_breaks_off_leaves_nothing(tmp_path: Path):
-    import asyncio
-
-    async def parts():
-        yield b"half"
-        raise ClientDisconnect
-
-    with pytest.raises(ClientDisconnect):
-        asyncio.run(take_file(tmp_path, "a/b.png", parts()))
-    assert list((tmp_path / "a").iterdir()) == []
 
 
 def test_the_state_is_its_users_alone(tmp_path: Path):

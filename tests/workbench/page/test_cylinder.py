@@ -16,8 +16,8 @@ from PIL import Image
 from volume_store import write_volume_store
 from workbench_page import Served, serving
 
-from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.report import frozen_data, frozen_page
 
 RADIUS_MM = 1.25
 HALF_FIELD_RAD = math.radians(38 / 2)

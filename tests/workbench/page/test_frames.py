@@ -20,9 +20,9 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.modalities.contract import Picture
 from endoct.stitching.store import read_outline
 from endoct.workbench import unroll
-from endoct.workbench.page.frozen import frozen_data
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.recorded import Reader, path_of_recording, picture_json, recording_of, ring_of
+from endoct.workbench.page.report import frozen_data
 from endoct.workbench.page.shown import frames_part
 
 

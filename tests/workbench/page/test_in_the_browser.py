@@ -15,9 +15,8 @@ from PIL import Image
 from workbench_page import Served, serving, written
 
 from endoct.base.doubt import Doubt
-from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
-from endoct.workbench.page.report import write_report
+from endoct.workbench.page.report import frozen_data, frozen_page, write_report
 
 HTML = '<img src=x onerror="document.title=1"><script>document.title=2</script>'
 

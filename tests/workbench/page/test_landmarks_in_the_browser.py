@@ -17,8 +17,8 @@ from workbench_page import serving, written
 from endoct.fusion.files.session import read_session
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.workbench.page.frozen import frozen_data, frozen_page
 from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.report import frozen_data, frozen_page
 
 HTML = '<img src=x onerror="document.title=1">'
 ELSEWHERE = Alignment(1.0, 0.25, 1.01, mirrored=True, confidence=0.6)

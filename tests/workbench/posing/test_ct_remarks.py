@@ -18,7 +18,7 @@ from endoct.base.files.files import sha256_of
 from endoct.fusion.pose.air import air_around
 from endoct.fusion.pose.finding import PoseAnswer
 from endoct.modalities.ct.ct_volume import read_ct
-from endoct.workbench.posing import finding
+from endoct.workbench.posing import steps
 from endoct.workbench.posing.result import PoseResult
 
 Command = Callable[..., tuple[int, list[str], str]]
@@ -29,7 +29,7 @@ TILT_DEG = 15.0
 def answered(monkeypatch: pytest.MonkeyPatch, by_camera: PoseResult) -> None:
     before = by_camera.answer
     answer = PoseAnswer(before.pose, before.alone, None, (7.5,))
-    monkeypatch.setattr(finding, "find", lambda *_: answer)
+    monkeypatch.setattr(steps, "find", lambda *_: answer)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from tolerances import TARGET_OFF_MM
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.posing.demonstration import demo_pose
+from endoct.workbench.posing.pose import demo_pose
 
 
 def test_without_a_patient_nothing_is_left(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 from endoct.base.doubt import Doubt
-from endoct.workbench.posing.page import pose_page
+from endoct.workbench.posing.pages import pose_page
 from endoct.workbench.posing.result import PoseResult
 
 HOSTILE = "</title>\"'><script>alert(1)</script>&{{ 7 * 7 }}\x1b[31m\u202e\udce9"

@@ -17,7 +17,7 @@ from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.stitching.store import save_panorama
 from endoct.workbench import compare, verify
 from endoct.workbench.page.report import write_report
-from endoct.workbench.posing import finding
+from endoct.workbench.posing import steps
 from endoct.workbench.posing.result import PoseResult
 
 Command = Callable[..., tuple[int, list[str], str]]
@@ -33,7 +33,7 @@ def answered(monkeypatch: pytest.MonkeyPatch, by_camera: PoseResult) -> Callable
         def find(*_: Any) -> PoseAnswer:
             return PoseAnswer(before.pose, before.alone, reason, (7.5,))
 
-        monkeypatch.setattr(finding, "find", find)
+        monkeypatch.setattr(steps, "find", find)
 
     return answer
 

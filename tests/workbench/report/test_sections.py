@@ -7,8 +7,8 @@ from markupsafe import Markup
 from mock_comparison import Kind, write_comparison
 
 from endoct.fusion.result import Reliefs, ReliefStratum
-from endoct.workbench.report.scores import relief_rows
 from endoct.workbench.report.sections import comparison_sections
+from endoct.workbench.report.tables import relief_rows
 
 
 def test_a_figure_that_belongs_to_no_section_is_an_error(tmp_path: Path) -> None:

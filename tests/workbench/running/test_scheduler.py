@@ -5,7 +5,7 @@ from importlib import import_module
 
 import pytest
 
-from endoct.workbench.report.figures import begun
+from endoct.workbench.report.figures import rendered
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.scheduler import ALONE, Named, Scheduler, in_background, scheduler
 
@@ -75,7 +75,7 @@ def test_a_background_call_ends_with_its_context() -> None:
 
 
 def test_what_is_named_can_be_loaded() -> None:
-    named = [value for value in vars(begun).values() if isinstance(value, Named)]
+    named = [value for value in vars(rendered).values() if isinstance(value, Named)]
     assert len(named) > 5
     for one in named:
         module, _, function = one.name.partition(":")

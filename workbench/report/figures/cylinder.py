@@ -1,7 +1,7 @@
 """The bore as a solid, cut open lengthwise, cast ray by ray.
 
-The bone is what lies between the wall, r = R + depth(θ, z), and an outer radius. Its axis lies in the cut; one
-half shell is drawn at a time, the mouth to the left, θ growing upwards, from a little beyond the mouth, so that
+The bone is what lies between the wall, r = R + depth(θ, z), and an outer radius. Its axis lies in the cut. One half
+shell is drawn at a time, the mouth to the left, θ growing upwards. It is seen from a little beyond the mouth, so that
 the mouth's end face shows::
 
       v ↑   ┌ end face
@@ -10,11 +10,12 @@ the mouth's end face shows::
         │  ╲▒▒▒▒▒▒▒▒▒▒▒▒▒▒▒   cut face
         └────────────────────→ z          w: into the shell, away from the reader
 
-A ray through (z₀, v) of the cut is z = z₀ + w·tan(tilt): along it r = √(v² + w²) only grows, so what it meets
-first is where r exceeds the wall's.
+A ray through (z₀, v) of the cut is z = z₀ + w·tan(tilt). Along it r = √(v² + w²) only grows: it meets the wall where r
+first exceeds the wall's.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,12 +47,30 @@ REST_MM = 0.25
 PIXELS_ALONG, PIXELS_ACROSS = 1500, 700
 STEP_MM = 0.015
 SLOPE_CAP = 3.0
-"""Steeper walls are shaded as if so steep: the flank of a cell rises within one sample."""
+"""Steeper walls are shaded like this one, as the flank of a cell rises within one sample."""
 
 CUT_FACE, END_FACE, NOT_OBSERVED = (np.array(to_rgb(c), np.float32) for c in ("#e2d6bd", "#c4b595", "#b4bfd6"))
 NOTHING, ON_CUT, ON_END, ON_WALL = 0, 1, 2, 3
 """What a ray meets."""
 Floats = NDArray[np.float32]
+Scalars = tuple[np.float32, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Bore:
+    """A bore to be cut open: ``depth_mm``, ``values`` and where they were ``observed``, (n_z, n_theta) on ``grid``.
+
+    Bone reaches out to ``outer_mm``. ``colours`` are those of values. Where these are depths (``by_depth``), the flank
+    of a cell has the colour of the depth at which a ray meets it.
+    """
+
+    grid: SurfaceGrid
+    depth_mm: Floats
+    values: NDArray[np.float64]
+    observed: Mask
+    colours: ScalarMappable
+    by_depth: bool
+    outer_mm: float
 
 
 def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
@@ -69,6 +88,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
     )
     length_mm = grid.n_z * grid.dz_mm
     outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
+    bore = Bore(coarse, depth_mm, thin_values, observed, mapping, by_depth, outer_mm)
     side_by_side = length_mm < 6 * outer_mm
     width_in = PAGE_WIDTH_IN / 2 - 0.65 if side_by_side else PAGE_WIDTH_IN - 0.7
     # across and along are drawn to one scale
@@ -78,8 +98,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
         for k, middle_deg in enumerate((90, 270)):
             left_in, top_in = (k * (width_in + 0.7), 0.0) if side_by_side else (0.0, k * (height_in + 0.5))
             axes = place(figure, 0.4 + left_in, top_in, width_in, height_in)
-            middle_rad = math.radians(middle_deg)
-            image, extent = cast_half(coarse, depth_mm, thin_values, observed, mapping, outer_mm, middle_rad, by_depth)
+            image, extent = cast_half(bore, math.radians(middle_deg))
             axes.imshow(image, extent=extent, aspect=1 / math.cos(TILT_RAD), interpolation="auto")
             axes.set_title(f"({'ab'[k]}) θ from {middle_deg - 90}° to {middle_deg + 90}°", pad=2)
             axes.set_yticks([-grid.radius_mm, 0, grid.radius_mm], [f"{middle_deg + d}°" for d in (-90, 0, 90)])
@@ -102,22 +121,9 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
     )
 
 
-def cast_half(
-    grid: SurfaceGrid,
-    depth_mm: Floats,
-    values: NDArray[np.float64],
-    observed: Mask,
-    mapping: ScalarMappable,
-    outer_mm: float,
-    middle_rad: float,
-    by_depth: bool,
-) -> tuple[Floats, tuple[float, float, float, float]]:
-    """Return RGBA float32 (v, z) of the half shell around θ = ``middle_rad``, and its extent in mm of the cut.
-
-    ``depth_mm``, ``values`` and ``observed`` lie on ``grid``. Flanks of cells take the colour of the depth at which a
-    ray meets them where ``by_depth``, every other wall the colour of its ``values``.
-    """
-    slope = math.tan(TILT_RAD)
+def cast_half(bore: Bore, middle_rad: float) -> tuple[Floats, tuple[float, float, float, float]]:
+    """Return RGBA float32 (v, z) of the half shell around θ = ``middle_rad``, and its extent in mm of the cut."""
+    grid, depth_mm, outer_mm, slope = bore.grid, bore.depth_mm, bore.outer_mm, math.tan(TILT_RAD)
     near_mm, far_mm = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm
     start_mm = near_mm - outer_mm * slope
     pixel_mm = max((far_mm - start_mm) * math.cos(TILT_RAD) / PIXELS_ALONG, 2 * outer_mm / PIXELS_ACROSS)
@@ -126,19 +132,20 @@ def cast_half(
     z0_mm = np.linspace(start_mm, far_mm, n_along, dtype=np.float32)
     v_mm = np.linspace(outer_mm, -outer_mm, n_across, dtype=np.float32)
     turned_rad = middle_rad - grid.theta0_rad
-    ends = near_mm, far_mm, outer_mm, slope
-    samples = grid.z0_mm, grid.dz_mm, turned_rad, grid.dtheta_rad, grid.radius_mm
-    met, rows, columns, r_mm, angle_rad = _cast(depth_mm, z0_mm, v_mm, *(np.float32(x) for x in (*ends, *samples)))
+    shell = near_mm, far_mm, outer_mm, grid.radius_mm, slope
+    samples = grid.z0_mm, grid.dz_mm, turned_rad, grid.dtheta_rad
+    met, rows, columns, r_mm, angle_rad = _cast(
+        depth_mm, z0_mm, v_mm, tuple(map(np.float32, shell)), tuple(map(np.float32, samples))
+    )
     image = np.zeros((n_across, n_along, 4), np.float32)
     image[met == ON_CUT, :3], image[met == ON_END, :3] = CUT_FACE, END_FACE
     image[met != NOTHING, 3] = 1
     wall = met == ON_WALL
     rows, columns = rows[wall], columns[wall]
-    coloured_by = (
-        np.minimum(r_mm[wall] - grid.radius_mm, depth_mm[rows, columns]) if by_depth else values[rows, columns]
-    )
-    colour = mapping.to_rgba(coloured_by)[:, :3].astype(np.float32)
-    colour[~observed[rows, columns]] = NOT_OBSERVED
+    values = bore.values[rows, columns]
+    by_value = np.minimum(r_mm[wall] - grid.radius_mm, depth_mm[rows, columns]) if bore.by_depth else values
+    colour = bore.colours.to_rgba(by_value)[:, :3].astype(np.float32)
+    colour[~bore.observed[rows, columns]] = NOT_OBSERVED
     image[wall, :3] = colour * _light(_normals(grid, depth_mm), rows, columns, angle_rad[wall])[:, np.newaxis]
     extent = (start_mm, far_mm, -outer_mm, outer_mm)
     return np.clip(image, 0, 1), extent
@@ -146,11 +153,15 @@ def cast_half(
 
 @compiled
 def _cast(
-    depth_mm: Floats, z0_mm: Floats, v_mm: Floats, near_mm: np.float32, far_mm: np.float32, outer_mm: np.float32,
-    slope: np.float32, first_mm: np.float32, dz_mm: np.float32, turned_rad: np.float32, dtheta_rad: np.float32,
-    radius_mm: np.float32,
-) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.int32], Floats, Floats]:  # fmt: skip
-    """What the ray through each pixel meets, and of a wall the row, the column, the radius and the angle there."""
+    depth_mm: Floats, z0_mm: Floats, v_mm: Floats, shell: Scalars, samples: Scalars
+) -> tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.int32], Floats, Floats]:
+    """Return what the ray through each pixel meets, and of a wall the row, the column, the radius and the angle there.
+
+    ``shell``: z of both its ends, its outer radius and the bore's, dz/dw of rays. ``samples``: z of the first and their
+    step, the turn from the middle of the shell to the first column and their step.
+    """
+    near_mm, far_mm, outer_mm, radius_mm, slope = shell
+    first_mm, dz_mm, turned_rad, dtheta_rad = samples
     shape = v_mm.size, z0_mm.size
     met = np.full(shape, NOTHING, np.uint8)
     rows, columns = np.zeros(shape, np.int32), np.zeros(shape, np.int32)

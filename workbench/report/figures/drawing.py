@@ -1,4 +1,4 @@
-"""What all figures share: paper, type, colours, and how they become pictures."""
+"""Paper, type and colours of all figures, and how they become pictures."""
 
 import io
 import re
@@ -28,13 +28,13 @@ PAGE_WIDTH_IN = 7.2
 
 DPI = 250
 MOST_EMBEDDED_BYTES = 350_000
-"""Of a PNG that a page embeds as it is: line drawings, which a lossy copy blurs and makes a third smaller."""
+"""Bytes of a PNG that a page embeds as it is: line drawings, which a lossy copy would blur."""
 EMBEDDED_QUALITY = 84
 """Quality of the JPEG copies of others, as good as WebP of 88 in a tenth of its time; the files in figures/ are
 lossless."""
 _PAETH = 128
 _HEADER_BYTES = 33
-"""Of a PNG: its signature, and the chunk that says its size."""
+"""Bytes of a PNG before its data: its signature, and the chunk that says its size."""
 MARGIN_IN = 1.0
 """Paper around what is placed, for labels: nothing is cut off, and what stays white is trimmed."""
 
@@ -58,7 +58,7 @@ ORANGE, BLUE, GREEN, VERMILION, PURPLE, SKY = "#E69F00", "#0072B2", "#009E73", "
 YELLOW = "#F0E442"
 INK, PAPER = "#3a3a3a", "#f4f4f2"
 NOT_OBSERVED, HATCH = "#b9d0f2", "#7f9fd0"
-"""What was not observed: blue enough to differ from bright samples where it is too small for the hatch."""
+"""Colours of what was not observed: blue enough to differ from bright samples where there is no room for hatching."""
 PLACES = (PURPLE, ORANGE, BLUE)
 
 INTENSITY_COLOURS, DEPTH_COLOURS = "gray", "magma_r"
@@ -123,7 +123,7 @@ def _jpeg(pixels: NDArray[np.uint8]) -> bytes:
 def _png(pixels: NDArray[np.uint8]) -> bytes:
     """Return ``pixels`` (row, column, RGB) as a PNG that says how large it is printed.
 
-    By one filter for all rows: to try them all, as Pillow does, takes twice the time for a hundredth of the size.
+    One filter serves all rows. To try every filter, as Pillow does, takes twice the time for a hundredth of the size.
     """
     png = bytes(png_encode(pixels, level=1, filter=_PAETH))
     per_metre = round(DPI / 0.0254)
@@ -133,7 +133,7 @@ def _png(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def hatch_not_observed(axes: Axes) -> None:
-    """Have whatever is not drawn over in ``axes`` look as what was not observed does in every figure."""
+    """Hatch the background of ``axes``, which shows where nothing is drawn, as not observed."""
     axes.patch.set(facecolor=NOT_OBSERVED, edgecolor=HATCH, hatch="//////", linewidth=0)
 
 

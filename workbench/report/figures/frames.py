@@ -1,4 +1,7 @@
-"""Single frames: as recorded with what was found in them, unrolled, and where on the wall they lie."""
+"""The frames of one side: single ones with what was found in them, where on the wall they lie, and numbers of each.
+
+The numbers are drawn along the bore: the few that say how good the frames are, and all others.
+"""
 
 import math
 import re
@@ -7,12 +10,16 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from endoct.base.arrays import Mask
 from endoct.modalities.contract import Picture
 from endoct.workbench.report.figures.drawing import (
+    BLUE,
     DEPTH_COLOURS,
     GREEN,
+    INK,
     PAGE_WIDTH_IN,
     PLACES,
     PURPLE,
@@ -28,7 +35,7 @@ from endoct.workbench.report.figures.drawing import (
     unit_of,
     wrapped,
 )
-from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.figures.rendered import Drawn, Rendered
 from endoct.workbench.report.figures.wall_panels import (
     LEFT_IN,
     MAX_PANEL_HEIGHT_IN,
@@ -38,10 +45,11 @@ from endoct.workbench.report.figures.wall_panels import (
     wall_panel,
     z_stretch,
 )
-from endoct.workbench.report.side_findings import SideFindings
+from endoct.workbench.report.per_frame import Number, main_and_others
+from endoct.workbench.report.side_findings import SideFindings, flagged_frames
 
 Style = tuple[str, str, Any]
-"""Of a curve: what a caption calls it, its colour, and its dashes."""
+"""Style of a curve: its name in captions, its colour, and its dashes."""
 STYLES: tuple[Style, ...] = (
     ("orange", VERMILION, "-"),
     ("blue, dashed", SKY, (0, (4, 4))),
@@ -49,8 +57,11 @@ STYLES: tuple[Style, ...] = (
     ("yellow, dashed", YELLOW, (0, (4, 4))),
     ("pink", PURPLE, "-"),
 )
-"""Those of the page. Every other curve is dashed, so that two that coincide both show."""
+"""Styles of curves, as on the page. Every other one is dashed, so that two that coincide both show."""
 TITLE_LINE_IN = 0.15
+TICK_STEPS = (1, 2, 2.5, 5, 10)
+USUAL = "#dcefe4"
+"""Shading of the range that sound recordings have."""
 
 
 def draw_frames(side: SideFindings) -> Drawn | None:
@@ -198,7 +209,7 @@ def place_label(side: SideFindings, place_of: int) -> str:
 
 
 def _title(side: SideFindings, place_of: int, picture: Picture) -> str:
-    """Return what stands over a picture; most plug-ins say in it which frame it is, or else it is said here."""
+    """Return the title over a picture, with the frame where the plug-in does not name it."""
     return picture.title if re.search(r"\d", picture.title) else f"{place_label(side, place_of)}: {picture.title}"
 
 
@@ -223,3 +234,89 @@ def _height_in(picture: Picture, width_in: float) -> float:
 def _mark_place(axes: Axes, z_mm: float, colour: str) -> None:
     axes.axhline(z_mm, color="white", linewidth=2.0)
     axes.axhline(z_mm, color=colour, linewidth=1.1)
+
+
+def draw_quality(side: SideFindings) -> Drawn | None:
+    """Draw the few numbers that say how good the frames are, with their usual ranges; flagged frames are marked."""
+    main, _ = main_and_others(side)
+    if not main or side.frame_z_mm.size < 2:
+        return None
+    usual = "Green: usual in sound recordings. " if any(one.usual for one in main) else ""
+    dim = side.panorama.frame_dim
+    return Drawn(
+        _plots(side, main, f"quality-{side.name}"),
+        f"quality-{side.name}",
+        f"How good the {dim}s of {side.name} are",
+        f"A dot a {dim}, against its z in the side's own frame. {usual}{_flags_text(side)}",
+    )
+
+
+def draw_other_numbers(side: SideFindings) -> Drawn | None:
+    """Draw every other number that differs from frame to frame."""
+    _, others = main_and_others(side)
+    if not others or side.frame_z_mm.size < 2:
+        return None
+    dim = side.panorama.frame_dim
+    return Drawn(
+        _plots(side, others, f"numbers-{side.name}"),
+        f"numbers-{side.name}",
+        f"What was measured of each {dim} of {side.name}",
+        f"A dot a {dim}, against its z in the side's own frame. {_flags_text(side)}",
+    )
+
+
+def _flags_text(side: SideFindings) -> str:
+    flags = [what for what, frames in flagged_frames(side) if frames.any()]
+    return f"Red crosses: {' or '.join(flags)}." if flags else ""
+
+
+def _plots(side: SideFindings, numbers: list[Number], name: str) -> Rendered:
+    z_mm = side.frame_z_mm
+    flagged = np.zeros(z_mm.size, dtype=np.bool_)
+    for _, frames in flagged_frames(side):
+        flagged |= frames
+    columns = 2 if len(numbers) > 1 else 1
+    with journal_style():
+        figure = new_figure(PAGE_WIDTH_IN, 1.05 * math.ceil(len(numbers) / columns))
+        pitch_in = PAGE_WIDTH_IN / columns
+        for k, one in enumerate(numbers):
+            row, column = divmod(k, columns)
+            axes = place(figure, column * pitch_in + 0.5, row * 1.05, pitch_in - 0.6, 0.8)
+            _plot(axes, one, z_mm, flagged)
+            if k + columns >= len(numbers):
+                axes.set_xlabel("z, inward (mm)")
+            else:
+                axes.tick_params(labelbottom=False)
+        return render(figure, name)
+
+
+def _plot(axes: Axes, one: Number, z_mm: NDArray[Any], flagged: Mask) -> None:
+    values = one.values
+    # an angle that runs right round gets no lines over its jumps
+    wraps = one.unit == "°" and np.nanmax(values) - np.nanmin(values) > 300
+    axes.plot(z_mm, values, ".", color=BLUE, markersize=2.5)
+    if not wraps:
+        axes.plot(z_mm, values, "-", color=BLUE, linewidth=0.5, alpha=0.5)
+    if flagged.any():
+        axes.plot(z_mm[flagged], values[flagged], "x", color=VERMILION, markersize=4.5, markeredgewidth=1.0)
+    if one.usual is not None:
+        _show_usual(axes, one.values, one.usual)
+    axes.set_title(one.axis_title, pad=2, fontsize=7.5)
+    axes.grid(color="#e6e6e6", linewidth=0.4)
+    for edge in ("top", "right"):
+        axes.spines[edge].set_visible(False)
+    axes.spines["left"].set_color(INK)
+    axes.margins(y=0.12)
+    axes.xaxis.set_major_locator(MaxNLocator(5, steps=TICK_STEPS))
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=TICK_STEPS))
+    axes.ticklabel_format(axis="y", useOffset=False)
+
+
+def _show_usual(axes: Axes, values: NDArray[np.float64], usual: tuple[float, float]) -> None:
+    """Shade the usual range, and have its finite limits in view."""
+    finite = values[np.isfinite(values)]
+    limits = [limit for limit in usual if math.isfinite(limit)]
+    low, high = min(*limits, finite.min(), float("inf")), max(*limits, finite.max(), -float("inf"))
+    margin = 0.12 * (high - low or 1.0)
+    axes.set_ylim(low - margin, high + margin)
+    axes.axhspan(max(usual[0], low - margin), min(usual[1], high + margin), color=USUAL, linewidth=0, zorder=0)

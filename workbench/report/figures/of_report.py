@@ -11,19 +11,14 @@ from pathlib import Path
 
 from endoct.stitching.store import load_panorama
 from endoct.workbench.report.figures.cylinder import draw_cylinder
-from endoct.workbench.report.figures.frames import draw_depth, draw_frames
-from endoct.workbench.report.figures.quality import draw_other_numbers, draw_quality
-from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.figures.frames import draw_depth, draw_frames, draw_other_numbers, draw_quality
+from endoct.workbench.report.figures.rendered import Drawing, Drawn, OfBoth
 from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panorama, draw_panoramas
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
 
-Drawing = Callable[[], Drawn | None]
-OfBoth = Callable[[BothSides], Drawn | None]
-"""A function of a module, which another process can be asked to call."""
-
 OF_SIDE = (draw_depth, draw_frames, draw_quality, draw_other_numbers)
-"""What draws one side of a comparison in its own frame: nothing that depends on the other side."""
+"""Functions that draw one side of a comparison in its own frame, whatever the other side is."""
 
 
 def draw_wall(side: SideFindings) -> list[Drawn]:
@@ -57,7 +52,7 @@ def drawings_of_wall(both: BothSides) -> list[OfBoth]:
 
 
 def drawings_of_sides() -> list[OfBoth]:
-    """Return what draws each of two sides in its own frame: nothing that depends on the other side."""
+    """Return what draws each of two sides in its own frame, whatever the other side is."""
     return [partial(_draw_side, draw=draw, k=k) for k in (0, 1) for draw in OF_SIDE]
 
 

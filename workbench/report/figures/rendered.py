@@ -1,12 +1,25 @@
-"""Figures that are drawn: pictures with what there is to know about them; whoever only writes them draws nothing."""
+"""Figures as they are begun, handed on and written: whoever does no more than that draws nothing.
+
+The second process draws while this one goes on. What draws is named only, so that neither whoever has a figure drawn
+nor whoever writes a page loads matplotlib.
+"""
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-FIGURES = "endoct.workbench.report.figures.of_report"
-"""The module that draws, and brings matplotlib."""
+from endoct.stitching.panorama import Panorama
+from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
+from endoct.workbench.running.scheduler import Named, Scheduler, Task
+
+if TYPE_CHECKING:
+    from endoct.workbench.report.findings import Findings
+
+FIGURES, _SCORES = "endoct.workbench.report.figures.of_report", "endoct.workbench.report.figures.agreement"
+"""The modules that draw, and bring matplotlib."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +64,51 @@ def write_figures(drawn: Iterable[Drawn], folder: Path) -> None:
     folder.mkdir()
     for one in drawn:
         (folder / one.rendered.file).write_bytes(one.rendered.png)
+
+
+Figures = Task[list[Drawn]]
+Drawing = Callable[[], Drawn | None]
+OfBoth = Callable[[BothSides], Drawn | None]
+"""A function of a module, which another process can be asked to call."""
+
+_draw_wall: Callable[[SideFindings], list[Drawn]] = Named(f"{FIGURES}:draw_wall")
+_draw_pictures: Callable[[SideFindings], list[Drawn]] = Named(f"{FIGURES}:draw_pictures")
+_draw_sides: Callable[[Path, Sequence[str]], list[Drawn]] = Named(f"{FIGURES}:draw_sides")
+_draw_both: Callable[[OfBoth, BothSides], list[Drawn]] = Named(f"{FIGURES}:draw_both")
+_drawings_of_wall: Callable[[BothSides], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_wall")
+_drawings_of_sides: Callable[[], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_sides")
+_drawn: Callable[[Iterable[Drawing]], list[Drawn]] = Named(f"{FIGURES}:drawn")
+_draw_budget: Callable[["Findings"], Drawn | None] = Named(f"{_SCORES}:draw_budget")
+_draw_scores: Callable[["Findings"], Drawn | None] = Named(f"{_SCORES}:draw_scores")
+
+
+def begin_wall(panorama: Panorama, scheduler: Scheduler) -> Figures:
+    """Begin what can be drawn of a recording before its pictures of frames are there."""
+    return scheduler.begin(_draw_wall, alone(panorama, {}))
+
+
+def begin_pictures(side: SideFindings, scheduler: Scheduler) -> Figures:
+    """Begin the pictures of single frames of one recording."""
+    return scheduler.begin(_draw_pictures, side)
+
+
+def begin_sides(folder: Path, names: Sequence[str], scheduler: Scheduler) -> Figures:
+    """Begin the figures of each side by itself; both will be stored in the ``folder`` of their comparison by then."""
+    return scheduler.begin(_draw_sides, folder, names)
+
+
+def begin_both(both: BothSides, scheduler: Scheduler, *, with_sides: bool) -> list[Figures]:
+    """Begin what can be drawn of a comparison before it is scored, one figure after the other.
+
+    ``with_sides``: also what shows one side by itself.
+    """
+    sent = scheduler.send(both)
+    drawings = [*_drawings_of_wall(both), *(_drawings_of_sides() if with_sides else ())]
+    return [scheduler.begin(_draw_both, draw, sent) for draw in drawings]
+
+
+def drawn_of(findings: "Findings", begun: Sequence[Figures]) -> list[Drawn]:
+    """Return the figures of a comparison: those that were ``begun``, and those of its scores."""
+    scores = _drawn([partial(_draw_budget, findings), partial(_draw_scores, findings)])
+    # the second process began with the first figure: this one begins with the last
+    return [*(one for figures in reversed(begun) for one in figures.result_of_either()), *scores]

@@ -37,11 +37,11 @@ MAX_PANEL_HEIGHT_IN = 6.6
 LEFT_IN, GAP_IN = 0.5, 0.22
 """Room for the labels left of the first panel of the wall, and between two."""
 ABOVE_PT = 21.0
-"""From a panel of the wall to its title: the arc's scale lies between."""
+"""Distance from a panel of the wall to its title: the arc's scale lies between."""
 
 
 def z_stretch(grid: SurfaceGrid) -> float:
-    """Return how many times z is drawn longer than the arc: 1, but more on a wall too short to be drawn to scale."""
+    """Return how many times longer z is drawn than the arc: 1 unless the wall is too short to be drawn to scale."""
     return max(1.0, 0.2 * 2 * math.pi * grid.radius_mm / (grid.n_z * grid.dz_mm))
 
 
@@ -156,7 +156,7 @@ def _columns_to_zero(grid: SurfaceGrid) -> int:
 
 
 def _arc_scale(axes: Axes, grid: SurfaceGrid) -> None:
-    """Draw the arc's length in mm above a panel of the wall: lines and words, far cheaper than a second axis."""
+    """Draw the arc's length in mm above a panel of the wall, with lines and words: a second axis is far slower."""
     around_mm, wide = 2 * math.pi * grid.radius_mm, width_of(axes)
     step_mm = next((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if wide * v / around_mm >= 0.3), 20)
     at_mm = np.arange(0, around_mm, step_mm)

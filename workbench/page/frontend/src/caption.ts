@@ -3,34 +3,7 @@
 import type { Description } from "./description";
 import type { State } from "./state";
 import type { Subject } from "./subject";
-import type { Shot } from "./together";
 import { type View, degrees } from "./wall";
-
-/** What is in a pane, by its layers and how they are brought together. */
-export function paneTitle({ shown }: Shot, state: State): string {
-  const [first, second] = [state.layer(shown.layer).title, state.layer(shown.second).title];
-  switch (shown.mode) {
-    case "swipe":
-      return `${first} | ${second}`;
-    case "opacity":
-      return `${first} + ${Math.round(100 * shown.share)} % ${second}`;
-    case "blink":
-      return state.secondShown ? second : first;
-    case "checker":
-      return `${first} and ${second}, checkerboard`;
-    case "lens":
-      return `${first}, in the lens ${second}`;
-    default:
-      return first;
-  }
-}
-
-/** The layers that can be seen in a pane. */
-export function shownLayers({ shown }: Shot, state: State): string[] {
-  if (shown.mode === "single") return [shown.layer];
-  if (shown.mode === "blink") return [state.secondShown ? shown.second : shown.layer];
-  return shown.layer === shown.second ? [shown.layer] : [shown.layer, shown.second];
-}
 
 /** The caption of a figure in which a millimetre of wall has `mm_per_mm` of paper. */
 export function captionOf(subjects: readonly Subject[], state: State, mm_per_mm: number): string {

@@ -13,7 +13,7 @@ export interface Relief {
 const SMOOTH_COLUMNS = 256;
 const SMOOTH_ROWS = 2;
 
-/** As workbench/page/relief.py writes it. */
+/** As workbench/page/layers.py writes it. */
 export function readRelief(bytes: ArrayBuffer): Relief {
   const head = new DataView(bytes);
   const [rows, columns] = [head.getUint32(0, true), head.getUint32(4, true)];

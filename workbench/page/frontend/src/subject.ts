@@ -1,7 +1,6 @@
 /** What a figure is made of: a pane, or the cylinder, that can be drawn at any fineness. */
 
 import { drawAxes } from "./axes";
-import { paneTitle, shownLayers } from "./caption";
 import type { Drawing } from "./drawing";
 import { type Paths, drawMarks } from "./marks";
 import { paneRaster } from "./raster";
@@ -56,6 +55,32 @@ export function paneSubject(shot: Shot, left: number, top: number, page: Shown):
     },
     axes: (drawing) => drawAxes({ drawing, width, height, view, wall, paper: WHITE }),
   };
+}
+
+/** What is in a pane, by its layers and how they are brought together. */
+function paneTitle({ shown }: Shot, state: State): string {
+  const [first, second] = [state.layer(shown.layer).title, state.layer(shown.second).title];
+  switch (shown.mode) {
+    case "swipe":
+      return `${first} | ${second}`;
+    case "opacity":
+      return `${first} + ${Math.round(100 * shown.share)} % ${second}`;
+    case "blink":
+      return state.secondShown ? second : first;
+    case "checker":
+      return `${first} and ${second}, checkerboard`;
+    case "lens":
+      return `${first}, in the lens ${second}`;
+    default:
+      return first;
+  }
+}
+
+/** The layers that can be seen in a pane. */
+function shownLayers({ shown }: Shot, state: State): string[] {
+  if (shown.mode === "single") return [shown.layer];
+  if (shown.mode === "blink") return [state.secondShown ? shown.second : shown.layer];
+  return shown.layer === shown.second ? [shown.layer] : [shown.layer, shown.second];
 }
 
 /** Where the second layer begins. */

@@ -1,14 +1,19 @@
-"""The pose of a bore, step by step, and its folder. Loads torch: imported only where a pose is looked for."""
+"""The pose of a bore and the outlook on it, step by step, each with its folder.
+
+Loads torch: imported only where a pose is looked for, or recordings are rehearsed.
+"""
 
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from endoct.base.files.files import check_unchanged, digests, state_of
+from endoct.fusion.pose import outlook
 from endoct.fusion.pose.air import AirAround, air_around
 from endoct.fusion.pose.finding import PoseAnswer, SidePose, answer, find_alone
 from endoct.fusion.pose.observation import observe
 from endoct.fusion.pose.pose import BorePose
+from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH
 from endoct.fusion.pose.structures import label_doubts, structures_near
 from endoct.fusion.pose.summary import summary_of
 from endoct.modalities.ct.trajectory import Trajectory, write_line
@@ -16,13 +21,12 @@ from endoct.modalities.device import Device
 from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.sources import Source, inputs_of
 from endoct.workbench.pipeline.volumes import facts_of
-from endoct.workbench.posing.figures import draw_cut, draw_wall
+from endoct.workbench.posing.figures import draw_cut, draw_wall, draw_wall_of_plan
 from endoct.workbench.posing.handover import write_handover
-from endoct.workbench.posing.page import pose_page
+from endoct.workbench.posing.pages import outlook_page, pose_page
 from endoct.workbench.posing.plan import Planned
-from endoct.workbench.posing.prediction import compare_with, predicted, save_compared
-from endoct.workbench.posing.result import Made, PoseResult, pose_versions
-from endoct.workbench.posing.side_in_air import SideInAir, one_thread
+from endoct.workbench.posing.prediction import SideInAir, compare_with, one_thread, predicted, save_compared
+from endoct.workbench.posing.result import Made, OutlookResult, PoseResult, pose_versions
 from endoct.workbench.posing.sides import make_sides, open_sides
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.running.progress import Stages
@@ -66,10 +70,7 @@ def find_sources(
         inputs={name: digest for one in (*map(digests, planned.files), *of_sides) for name, digest in one.items()},
         versions=pose_versions(),
         parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
-        seconds={
-            **{title: round(seconds, 3) for title, seconds in stages.seconds.items()},
-            "in all, before the files": round(time.perf_counter() - start, 3),
-        },
+        seconds=_seconds(stages, start),
     )
     result = PoseResult(found, summary, planned.coordinates, made, volumes)
     for path, state in files.items():
@@ -121,3 +122,53 @@ def write_side(given: SideInAir, pose: BorePose, made: Made, folder: Path) -> Dr
     if (compared := compare_with(prediction, pose, given)) is not None:
         save_compared(compared, prediction, given.side, made, folder / PREDICTED / given.side.name)
     return draw_wall(given.side, prediction)
+
+
+def rehearse(
+    planned: Planned, radius_mm: float, seen_mm: float, folder: Path | None, *, device: Device, stages: Stages
+) -> OutlookResult:
+    """Rehearse recordings of a bore along a plan; write everything `endoct pose --plan-only` promises into ``folder``.
+
+    ``radius_mm`` is the bore's, ``seen_mm`` how much of it a recording shows. Raises :class:`EndoctError` where the CT
+    or the plan is changed while it is read.
+    """
+    start = time.perf_counter()
+    files = {path: state_of(path) for path in planned.files}
+    with stages.stage("CT around the plan"):
+        air = air_around(planned.ct, planned.plan)
+        wall = outlook.wall_of_plan(air, radius_mm)
+    prospects = []
+    for instrument in (WITH_DEPTH, BY_CELLS):
+        with stages.stage(f"rehearsals by {instrument.name}") as advance:
+            tried = []
+            for number in range(outlook.REHEARSALS):
+                with one_thread():
+                    tried.append(outlook.rehearsed(air, instrument, radius_mm, seen_mm, number, device))
+                advance((number + 1) / outlook.REHEARSALS)
+        prospects.append(outlook.Prospect(instrument.name, tuple(tried)))
+    made = Made(
+        inputs={name: digest for path in planned.files for name, digest in digests(path).items()},
+        versions=pose_versions(),
+        parameters={"device": device, "radius_mm": radius_mm, "seen_mm": seen_mm, "seed": outlook.SEED},
+        seconds=_seconds(stages, start),
+    )
+    volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
+    found = outlook.Outlook(outlook.facts_of(wall), tuple(prospects))
+    result = OutlookResult(found, planned.plan, planned.coordinates, wall, made, volumes)
+    for path, state in files.items():
+        check_unchanged(path, state)
+    if folder is not None:
+        folder.mkdir()
+        (folder / "outlook.json").write_text(json_text(result.to_json()) + "\n", encoding="utf-8")
+        write_line(planned.plan, "plan", folder / "plan.mrk.json")
+        with stages.stage("report"):
+            drawn = [draw_wall_of_plan(wall, radius_mm)]
+            write_figures(drawn, folder / "figures")
+            (folder / "report.html").write_text(outlook_page(result, folder.name, drawn), encoding="utf-8")
+    return result
+
+
+def _seconds(stages: Stages, start: float) -> dict[str, float]:
+    """Return what every stage took, and all since ``start`` of ``time.perf_counter``."""
+    of_stages = {title: round(seconds, 3) for title, seconds in stages.seconds.items()}
+    return {**of_stages, "in all, before the files": round(time.perf_counter() - start, 3)}

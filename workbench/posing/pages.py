@@ -1,21 +1,23 @@
-"""``report.html`` of a pose: one file that opens offline, with figures and tables, and no program."""
+"""``report.html`` of a pose and of an outlook: one file that opens offline, with figures and tables, and no program."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import count
 
 from markupsafe import Markup
 
 from endoct.base.files.contents import marked
+from endoct.fusion.pose.outlook import Tried
 from endoct.fusion.pose.pose import Difference, Estimate, Offset, offset_at
 from endoct.fusion.pose.summary import PoseSummary
 from endoct.fusion.pose.support import OPEN
 from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.pipeline.information import texts_of
 from endoct.workbench.pipeline.volumes import VolumeFacts
-from endoct.workbench.posing.result import NOTICE, Made, PoseResult, estimate_text, place_text
+from endoct.workbench.posing.result import NOTICE, Made, OutlookResult, PoseResult, estimate_text, place_text
 from endoct.workbench.report.figures.rendered import Drawn
-from endoct.workbench.report.html_templates import rendered_blocks
+from endoct.workbench.report.html_templates import rendered, rendered_blocks
 from endoct.workbench.report.sections import MADE, Section, in_order, numbered
-from endoct.workbench.report.verdict import Verdict, count_doubts
+from endoct.workbench.report.verdict import Level, Verdict, count_doubts
 
 BRACKETS = "In brackets: 95 % intervals."
 PLAN_AXES = (
@@ -24,13 +26,21 @@ PLAN_AXES = (
 )
 REMARK = f"{NOTICE} The figures lie next to this page, lossless, in figures/."
 TITLES = {"notes": "Notes", "volumes": "What was read", "provenance": MADE}
-"""Of the sections on what a result was made from."""
+"""Titles of the sections on what a result was made from."""
+LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "unaligned"}
+"""The verdict that each level of an outlook amounts to."""
 
 
 def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
     """Return the page of a pose as HTML."""
     sections = _sections(result, numbered(drawn))
     return marked(printed_page(_heading(result, title), sections, REMARK))
+
+
+def outlook_page(result: OutlookResult, title: str, drawn: Sequence[Drawn]) -> str:
+    """Return the page of an outlook as HTML: the wall that the CT predicts along the plan, and how rehearsals went."""
+    sections = _outlook_sections(result, numbered(drawn))
+    return marked(printed_page(_outlook_heading(result, title), sections, REMARK))
 
 
 def _heading(result: PoseResult, title: str) -> Heading:
@@ -88,10 +98,10 @@ def _sections(result: PoseResult, figures: Mapping[str, Markup]) -> tuple[Sectio
         difference=summary.difference,
         difference_rows=_difference_rows,
     )
-    return in_order(titles, figures, texts | texts_on_input(result.volumes.values(), result.made))
+    return in_order(titles, figures, texts | _texts_on_input(result.volumes.values(), result.made))
 
 
-def texts_on_input(volumes: Collection[VolumeFacts], made: Made) -> dict[str, Markup]:
+def _texts_on_input(volumes: Collection[VolumeFacts], made: Made) -> dict[str, Markup]:
     """Return, by section, the notes on ``volumes``, what was read of them, and how a result was ``made``."""
     return rendered_blocks(
         "posing/read.html",
@@ -152,3 +162,72 @@ def _number(value: float) -> str:
 
 def _mm(value: Estimate) -> str:
     return f"{estimate_text(value)} mm"
+
+
+def _outlook_heading(result: OutlookResult, title: str) -> Heading:
+    outlook = result.outlook
+    scores = [
+        Score(
+            f"Told by {one.instrument}",
+            f"{one.n_told} of {len(one.tried)}",
+            "rehearsals" if one.median_mm is None else f"{one.median_mm:.2f} mm off at the target, in the median",
+        )
+        for one in outlook.prospects
+    ]
+    return Heading(
+        title=f"{title}: could the bore be told?",
+        facts=(("plan", f"{result.plan.length_mm:.1f} mm"), ("coordinates", result.coordinates.upper())),
+        verdict=Verdict(
+            LEVELS[outlook.level],
+            f"The bore could be told {outlook.level}. {NOTICE}",
+            (f"It {outlook.sentence}.",),
+            "Why",
+        ),
+        doubts=result.doubts,
+        scores=tuple(scores),
+        notes=sum(len(facts.notes) for facts in result.volumes.values()),
+        endoct=result.made.versions.get("endoct", ""),
+    )
+
+
+def _outlook_sections(result: OutlookResult, figures: Mapping[str, Markup]) -> tuple[Section, ...]:
+    prospects = {one.instrument: one.tried for one in result.outlook.prospects}
+    titles = {
+        "wall": "The wall by the CT",
+        **{instrument: f"Rehearsals by {instrument}" for instrument in prospects},
+        **TITLES,
+    }
+    texts = {"wall": rendered("report/plain_table.html", header=["", ""], rows=_wall_facts(result))}
+    for instrument, tried in prospects.items():
+        rows = map(_row, count(1), tried)
+        texts[instrument] = rendered("posing/rehearsals.html", rehearsals=rows, reasons=_reasons(tried))
+    return in_order(titles, figures, texts | _texts_on_input(result.volumes.values(), result.made))
+
+
+def _row(number: int, tried: Tried) -> tuple[str, ...]:
+    return (
+        str(number),
+        "yes" if tried.told else "no",
+        "right" if tried.right else "wrong",
+        f"{tried.error_mm:.2f}",
+        f"{tried.deviation_mm:.2f}",
+        f"{tried.turn_deg:.0f}".replace("-", "−"),
+        f"{tried.agreement:.2f}".replace("-", "−"),
+        "–" if tried.second is None else f"{tried.second:.2f}".replace("-", "−"),
+    )
+
+
+def _reasons(tried: Sequence[Tried]) -> list[tuple[str, str]]:
+    return [(str(number), one.reason) for number, one in enumerate(tried, 1) if one.reason is not None]
+
+
+def _wall_facts(result: OutlookResult) -> list[tuple[str, str]]:
+    facts = result.outlook.facts
+    rows = [
+        ("share of air", f"{facts.air:.0%}"),
+        ("cells met", str(facts.cells)),
+        ("longest stretch without an edge (mm)", f"{facts.longest_bare_mm:.1f}"),
+    ]
+    if facts.likeness is not None and facts.turn_deg is not None:
+        rows.append((f"correlation with itself turned by {facts.turn_deg:.0f}°", f"{facts.likeness:.2f}"))
+    return rows

@@ -1,0 +1,314 @@
+"""OME-Zarr and OME-TIFF: pyramids of images in mm, a channel for each image of each side, masks and cells as labels.
+
+OME-Zarr, 0.5 and 0.4, is a page of JSON over Zarr, which endoct has anyway; a library for it would bring Dask along.
+In an OME-TIFF large images lie in tiles, with coarser levels. Others lie in strips: ITK, and so SimpleITK and 3D
+Slicer, reads no tiles.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from uuid import NAMESPACE_URL, uuid5
+
+import numcodecs
+import numpy as np
+import tifffile
+import zarr
+from numpy.typing import NDArray
+from zarr.codecs import BloscCodec
+
+from endoct.base.files.contents import output_digest
+from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.exporting.image_layers import (
+    LabelLayer,
+    Layer,
+    Level,
+    blocks,
+    contrast_of,
+    levels_of,
+    read_level,
+    thinned,
+)
+from endoct.workbench.exporting.mark import BLANK, mark
+from endoct.workbench.exporting.source import TRUTH, Source
+from endoct.workbench.requests import ExportRequest, OmeVersion
+from endoct.workbench.running.progress import Advance, Stages
+
+CHUNK_PX = 512
+UNIT = "millimeter"
+COLOURS = "FF00FF", "00FF00"
+"""Of the two sides. Where both are bright the sum is white, and no kind of colour blindness mixes the two up."""
+TILE_PX = 512
+LARGE_PX = 2048
+"""An image of a TIFF with a longer side has tiles and coarser levels."""
+STRIP_ROWS = 64
+_BIG_BYTES = 2_000_000_000
+"""Larger TIFF files get offsets of 64 bits, as compression may save nothing."""
+
+Rows = Callable[[Level], Iterator[NDArray[Any]]]
+
+
+def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+    """Write the images of ``source`` to the folder ``path``: axes (c, y, x), y along z and x along θ, in mm.
+
+    x is the arc on the nominal wall, from θ = 0; its last sample and its first are neighbours. NaN where nothing was
+    observed. Returns what was written.
+    """
+    version: OmeVersion = request.version or "0.5"
+    levels = levels_of(source.grid)
+    group = _group(path, version)
+    with stages.stage("OME-Zarr") as advance:
+        arrays = [
+            _array(group, str(k), (len(source.layers), *level.shape), np.dtype(np.float32), version)
+            for k, level in enumerate(levels)
+        ]
+        for channel, layer in enumerate(source.layers):
+            for k, (level, array) in enumerate(zip(levels, arrays, strict=True)):
+                for first, last in blocks(0, level.shape[0], CHUNK_PX):
+                    array[channel, first:last] = read_level(layer, level, first, last)
+                    done = k + last / level.shape[0]
+                    advance((channel + done / len(levels)) / len(source.layers))
+        attributes = _multiscales(source.title, source.grid, levels, "c", version)
+        colours = dict(zip(source.sides, COLOURS if len(source.sides) > 1 else ("FFFFFF",), strict=True))
+        attributes["omero"] = {"channels": [_channel(layer, colours[layer.side]) for layer in source.layers]}
+        _describe(group, attributes, version)
+        if source.labels:
+            _write_labels(group, source.labels, source.grid, levels, version)
+    return {
+        "version": version,
+        "channels": [layer.name for layer in source.layers],
+        "labels": [layer.name for layer in source.labels],
+        "shape": [len(source.layers), *source.grid.shape],
+        "step_mm": list(levels[0].step_mm(source.grid)),
+        "levels": len(levels),
+    }
+
+
+def _write_labels(
+    group: zarr.Group, labels: Sequence[LabelLayer], grid: SurfaceGrid, levels: Sequence[Level], version: OmeVersion
+) -> None:
+    names = [layer.name.replace(" ", "-") for layer in labels]
+    below = group.create_group("labels")
+    _describe(below, {"labels": names}, version)
+    for name, layer in zip(names, labels, strict=True):
+        one, ids = below.create_group(name), layer.read()
+        for k, level in enumerate(levels):
+            _array(one, str(k), level.shape, ids.dtype, version)[...] = thinned(ids, level)
+        attributes = _multiscales(layer.name, grid, levels, "", version)
+        source: dict[str, Any] = {"source": {"image": "../../"}}
+        attributes["image-label"] = source if version == "0.5" else {"version": version, **source}
+        _describe(one, attributes, version)
+
+
+def _multiscales(
+    name: str, grid: SurfaceGrid, levels: Sequence[Level], first_axes: str, version: OmeVersion
+) -> dict[str, Any]:
+    channel = [{"name": axis, "type": "channel"} for axis in first_axes]
+    before, at = [1.0] * len(channel), [0.0] * len(channel)
+    multiscale: dict[str, Any] = {
+        "name": name,
+        "axes": [*channel, *({"name": axis, "type": "space", "unit": UNIT} for axis in "yx")],
+        "datasets": [
+            {
+                "path": str(k),
+                "coordinateTransformations": [
+                    {"type": "scale", "scale": [*before, *level.step_mm(grid)]},
+                    {"type": "translation", "translation": [*at, *level.origin_mm(grid)]},
+                ],
+            }
+            for k, level in enumerate(levels)
+        ],
+        "type": "mean" if first_axes else "nearest",
+    }
+    return {"multiscales": [multiscale if version == "0.5" else {"version": version, **multiscale}]}
+
+
+def _channel(layer: Layer, colour: str) -> dict[str, object]:
+    """Return how viewers display a layer at first: brightness in the colour of its side; relief on demand."""
+    low, high = contrast_of(layer)
+    window = {"min": low, "max": high, "start": low, "end": high}
+    label = f"{layer.name} ({layer.unit})" if layer.unit else layer.name
+    is_first = layer.quantity == "intensity" or layer.side == TRUTH
+    return {
+        "label": label,
+        "color": colour if is_first else "FFFFFF",
+        "active": is_first,
+        "coefficient": 1,
+        "family": "linear",
+        "window": window,
+    }
+
+
+def _group(path: Path, version: OmeVersion) -> zarr.Group:
+    return zarr.create_group(path, zarr_format=3 if version == "0.5" else 2)
+
+
+def _describe(group: zarr.Group, attributes: Mapping[str, Any], version: OmeVersion) -> None:
+    """Write what OME-Zarr says of a group: 0.5 keeps it apart under "ome", 0.4 does not."""
+    group.update_attributes({"ome": {"version": version, **attributes}} if version == "0.5" else dict(attributes))
+
+
+def _array(group: zarr.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], version: OmeVersion) -> Any:
+    """Return a new array in chunks of one channel; its parts that hold nothing but NaN, or 0, take no file."""
+    sizes = tuple(1 if axis < len(shape) - 2 else min(CHUNK_PX, n) for axis, n in enumerate(shape))
+    fill: float = float("nan") if dtype.kind == "f" else 0
+    axes = ("c", "y", "x")[-len(shape) :]
+    if version == "0.5":
+        compressor = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
+        return group.create_array(
+            name,
+            shape=shape,
+            dtype=dtype,
+            chunks=sizes,
+            compressors=compressor,
+            fill_value=fill,
+            dimension_names=axes,
+        )
+    return group.create_array(
+        name,
+        shape=shape,
+        dtype=dtype,
+        chunks=sizes,
+        compressors=numcodecs.Blosc(cname="zstd", clevel=3, shuffle=numcodecs.Blosc.SHUFFLE),
+        fill_value=fill,
+        chunk_key_encoding={"name": "v2", "separator": "/"},
+    )
+
+
+def write_ome_tiff(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+    """Write the images of ``source`` to one file: float32, NaN where nothing was observed. Returns what was written."""
+    del request
+    levels = _tiff_levels(source.grid)
+    with stages.stage("OME-TIFF") as advance:
+        total = len(source.layers) * sum(level.shape[0] for level in levels)
+        done = _Counter(advance, total)
+
+        def rows(level: Level) -> Iterator[NDArray[Any]]:
+            for layer in source.layers:
+                for first, last in blocks(0, level.shape[0], TILE_PX):
+                    yield read_level(layer, level, first, last)
+                    done.add(last - first)
+
+        names = [f"{layer.name} ({layer.unit})" if layer.unit else layer.name for layer in source.layers]
+        _write_tiff(path, source, names, np.dtype(np.float32), levels, rows)
+    return _tiff_facts(source, names, levels)
+
+
+def write_labels(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+    """Write masks and ids of cells to one file: uint16, 0 for wall, 1, 2 … as in ``cells.csv``.
+
+    A channel for the cells of each side, and one that is 1 where that side observed. Returns what was written.
+    """
+    del request
+    levels = _tiff_levels(source.grid)
+    with stages.stage("labels") as advance:
+        done = _Counter(advance, len(source.labels) * sum(level.shape[0] for level in levels))
+        kept: dict[str, NDArray[np.uint16]] = {}
+
+        def rows(level: Level) -> Iterator[NDArray[Any]]:
+            for layer in source.labels:
+                if layer.name not in kept:
+                    kept.clear()  # one at a time: they are read whole, as cells are found around the circle
+                    kept[layer.name] = layer.read()
+                ids = thinned(kept[layer.name], level)
+                for first, last in blocks(0, level.shape[0], TILE_PX):
+                    yield ids[first:last]
+                    done.add(last - first)
+
+        names = [layer.name for layer in source.labels]
+        _write_tiff(path, source, names, np.dtype(np.uint16), levels, rows)
+    return _tiff_facts(source, names, levels)
+
+
+def _write_tiff(
+    path: Path, source: Source, names: Sequence[str], dtype: np.dtype[Any], levels: Sequence[Level], rows: Rows
+) -> None:
+    """Write channels ``names``; ``rows(level)`` yields their rows channel by channel, in blocks as high as a tile."""
+    n_bytes = len(names) * dtype.itemsize * sum(level.shape[0] * level.shape[1] for level in levels)
+    with tifffile.TiffWriter(path, ome=True, bigtiff=n_bytes > _BIG_BYTES) as tiff:
+        for k, level in enumerate(levels):
+            step_z_mm, step_theta_mm = level.step_mm(source.grid)
+            own: dict[str, Any] = {"subfiletype": 1}
+            cut: dict[str, Any] = {"data": _pages(rows(level), level.shape[0]), "rowsperstrip": STRIP_ROWS}
+            if k == 0:
+                described = {"UUID": _identifier(source, names), **_tiff_metadata(names, source.grid, source.title)}
+                own = {"subifds": len(levels) - 1, "software": f"endoct {BLANK}", "metadata": described}
+            if len(levels) > 1:
+                cut = {"data": _tiles(rows(level), level.shape[1]), "tile": (TILE_PX, TILE_PX)}
+            tiff.write(
+                shape=(len(names), *level.shape),
+                dtype=dtype,
+                photometric="minisblack",
+                compression="zlib",
+                resolution=(10 / step_theta_mm, 10 / step_z_mm),
+                resolutionunit="CENTIMETER",
+                **cut,
+                **own,
+            )
+    mark(path)
+
+
+def _identifier(source: Source, names: Sequence[str]) -> str:
+    """Return the UUID that OME wants of a file: of the same the same, without the time and the machine's number."""
+    return f"urn:uuid:{uuid5(NAMESPACE_URL, f'endoct:{output_digest(source.folder)}:{names}')}"
+
+
+def _pages(rows: Iterator[NDArray[Any]], n_rows: int) -> Iterator[NDArray[Any]]:
+    """Yield whole channels from blocks of their rows."""
+    page: list[NDArray[Any]] = []
+    for block in rows:
+        page.append(block)
+        if sum(map(len, page)) == n_rows:
+            yield np.concatenate(page)
+            page.clear()
+
+
+def _tiles(rows: Iterator[NDArray[Any]], n_columns: int) -> Iterator[NDArray[Any]]:
+    for block in rows:
+        for left, right in blocks(0, n_columns, TILE_PX):
+            tile = np.zeros((TILE_PX, TILE_PX), block.dtype)
+            tile[: block.shape[0], : right - left] = block[:, left:right]
+            yield tile
+
+
+def _tiff_metadata(names: Sequence[str], grid: SurfaceGrid, title: str) -> dict[str, Any]:
+    step_z_mm, step_theta_mm = grid.dz_mm, grid.dtheta_mm
+    n = len(names)
+    return {
+        "axes": "CYX",
+        "Name": title,
+        "Channel": {"Name": list(names)},
+        "PhysicalSizeX": step_theta_mm,
+        "PhysicalSizeXUnit": "mm",
+        "PhysicalSizeY": step_z_mm,
+        "PhysicalSizeYUnit": "mm",
+        "Plane": {
+            "PositionX": [grid.theta0_rad * grid.radius_mm] * n,
+            "PositionXUnit": ["mm"] * n,
+            "PositionY": [grid.z0_mm] * n,
+            "PositionYUnit": ["mm"] * n,
+        },
+    }
+
+
+def _tiff_levels(grid: SurfaceGrid) -> tuple[Level, ...]:
+    levels = levels_of(grid)
+    return levels if max(grid.shape) > LARGE_PX else levels[:1]
+
+
+def _tiff_facts(source: Source, names: Sequence[str], levels: Sequence[Level]) -> dict[str, object]:
+    return {
+        "channels": list(names),
+        "shape": [len(names), *source.grid.shape],
+        "step_mm": list(levels[0].step_mm(source.grid)),
+        "levels": len(levels),
+    }
+
+
+class _Counter:
+    def __init__(self, advance: Advance, total: int) -> None:
+        self._advance, self._total, self._done = advance, total, 0
+
+    def add(self, rows: int) -> None:
+        self._done += rows
+        self._advance(self._done / self._total)
