@@ -13,7 +13,7 @@ from cheap_specimens import Cheap, contents, leftovers
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, scratch_next_to
-from endoct.workbench.dataset import creation
+from endoct.workbench.dataset import overview
 from endoct.workbench.dataset.creation import forecast, make_dataset
 from endoct.workbench.dataset.plan import Job, Plan
 
@@ -33,7 +33,7 @@ with {what}:
 @pytest.fixture(autouse=True)
 def small_sheet(monkeypatch: pytest.MonkeyPatch) -> None:
     """Show two specimens on the contact sheet, whose drawing takes longer than all else here."""
-    monkeypatch.setattr(creation, "N_SPECIMENS", 2)
+    monkeypatch.setattr(overview, "N_SPECIMENS", 2)
 
 
 @pytest.fixture
