@@ -15,6 +15,8 @@ Function = Callable[..., object]
 
 OURS = "endoct"
 """The name of our own method of a task; what is used unless another is chosen."""
+INSTALL = "where it is new, install its package again"
+"""The remedy for a name that nobody registered: entry points are read from what is installed."""
 
 
 def entry_named(name: str, entries: EntryPoints, kind: str) -> EntryPoint:
@@ -24,7 +26,7 @@ def entry_named(name: str, entries: EntryPoints, kind: str) -> EntryPoint:
     """
     values = {entry.value for entry in entries if entry.name == name}
     if not values:
-        unknown_name(name, sorted({entry.name for entry in entries}), kind)
+        unknown_name(name, sorted({entry.name for entry in entries}), kind, remedy=INSTALL)
     if len(values) > 1:
         raise EndoctError(
             f"two packages register '{name}' as a {kind}",
@@ -69,9 +71,11 @@ def answer_by(task: str, name: str, *given: object, setting: str) -> object:
         ) from error
 
 
-def unknown_name(name: str, known: Sequence[str], kind: str) -> NoReturn:
+def unknown_name(name: str, known: Sequence[str], kind: str, remedy: str = "") -> NoReturn:
     """Raise the :class:`EndoctError` of a ``name`` that nobody registered, with the nearest of the ``known`` ones."""
     nearest = difflib.get_close_matches(name, known, 1, cutoff=0.4)
     raise EndoctError(
-        f"unknown {kind}: '{name}'", expected=f"'{nearest[0]}'" if nearest else f"one of {', '.join(known)}"
+        f"unknown {kind}: '{name}'",
+        expected=f"'{nearest[0]}'" if nearest else f"one of {', '.join(known)}",
+        remedy=remedy,
     )

@@ -149,14 +149,14 @@ def doubts_of_result(result: Result) -> Iterator[Doubt]:
     yield from _of_score(result.overlap)
     if drift := result.scores.drift if result.scores else None:
         yield from _of_drift(drift)
-    if result.jaccard is None:
+    if result.overlap is None or result.overlap.is_empty:
         what = "Neither side shows a cell where both observed the wall, so there is nothing to score."
         yield Doubt("nothing-to-score", what)
 
 
 def _of_score(overlap: Overlap | None) -> Iterator[Doubt]:
     """Yield the doubts about a Jaccard index that could be anything, or that one or two cells decide."""
-    if overlap is None or overlap.jaccard is None:
+    if overlap is None or overlap.is_empty or overlap.jaccard is None:
         return
     if (low_high := overlap.jaccard_interval) and low_high[1] - low_high[0] > WIDEST_INTERVAL:
         what = (

@@ -134,7 +134,7 @@ class Comparison:
         if self.alignment is None:
             return f"not aligned: {self.reason}"
         overlap = self.result.overlap
-        if overlap is None or overlap.jaccard is None:
+        if overlap is None or overlap.is_empty:
             return "aligned, nothing to score"
         low_high = overlap.jaccard_interval
         return f"Jaccard index {overlap.jaccard:.3f}" + (

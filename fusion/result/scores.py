@@ -51,6 +51,11 @@ class Overlap(Part):
     dice_interval: Interval | None = None
     jaccard_without_two: Interval | None = None
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether neither side shows a cell, so that there is nothing to score."""
+        return self.jaccard is None or self.sites == 0
+
 
 class _RowsOf(Part):
     rows_of: str

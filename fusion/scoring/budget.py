@@ -35,8 +35,8 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, signed_distance
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, invisible_cells
-from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, ratio, weights
-from endoct.fusion.scoring.overlap import Surface, agreement
+from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
+from endoct.fusion.scoring.overlap import Surface, agreement, index_of
 from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.grid import SurfaceGrid
 
@@ -266,4 +266,4 @@ def _intervals(stages: list[list[Count]], observed: Count, jaccard: float) -> li
 
 
 def _jaccard(shared: Coordinates, either: Coordinates) -> float:
-    return ratio(float(shared.sum()), float(either.sum())) or 0.0  # a draw without any cell agrees on none
+    return index_of(float(shared.sum()), float(either.sum())) or 0.0  # a draw without any cell agrees on none

@@ -32,7 +32,7 @@ def weights(n: int) -> NDArray[np.float64]:
 
 
 def ratio(part: float, whole: float) -> float | None:
-    """Return ``part`` over ``whole``, None where there is nothing: the one convention for two empty masks."""
+    """Return ``part`` over ``whole``; None where there is nothing."""
     return float(part / whole) if whole else None
 
 

@@ -23,6 +23,11 @@ CONTRAST_EDGES = (0.4, 0.8)
 DECIDING = 100
 NEITHER, BOTH, ONLY_A, ONLY_B = range(4)
 """What a sample of two masks may be."""
+BOTH_EMPTY: float | None = None
+"""The Jaccard index and Dice of two empty masks: there is nothing to score.
+
+Whether that is so is asked of :attr:`endoct.fusion.result.Overlap.is_empty`, never of the index.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +159,14 @@ def _parted(sites: Sites, by: Coordinates, edges: Sequence[float]) -> tuple[Stra
     return tuple(rows)
 
 
+def index_of(shared: float, whole: float) -> float | None:
+    """Return the index of two masks, of which ``shared`` of ``whole`` agrees; :data:`BOTH_EMPTY` where there is none.
+
+    For Jaccard these are |A ∩ B| and |A ∪ B|; for Dice, 2 |A ∩ B| and |A| + |B|.
+    """
+    return float(shared / whole) if whole else BOTH_EMPTY
+
+
 @dataclass(frozen=True)
 class Agreement:
     """Samples of two masks, counted where both are valid, and the area of a sample on the wall in mm²."""
@@ -166,13 +179,13 @@ class Agreement:
 
     @property
     def jaccard(self) -> float | None:
-        """|A ∩ B| / |A ∪ B| (Laves 2019, Results), or None where neither shows a cell."""
-        return ratio(self.both, self.both + self.only_a + self.only_b)
+        """|A ∩ B| / |A ∪ B| (Laves 2019, Results); :data:`BOTH_EMPTY` where neither shows a cell."""
+        return index_of(self.both, self.both + self.only_a + self.only_b)
 
     @property
     def dice(self) -> float | None:
-        """2 |A ∩ B| / (|A| + |B|), or None where neither shows a cell."""
-        return ratio(2 * self.both, 2 * self.both + self.only_a + self.only_b)
+        """2 |A ∩ B| / (|A| + |B|); :data:`BOTH_EMPTY` where neither shows a cell."""
+        return index_of(2 * self.both, 2 * self.both + self.only_a + self.only_b)
 
     def overlap(
         self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval, jaccard_without_two: Interval
@@ -193,7 +206,7 @@ class Agreement:
 
 
 def jaccard(a: Mask, b: Mask, valid: Mask) -> float | None:
-    """Return |A ∩ B| / |A ∪ B| over ``valid``, all bool and of one shape; None where both are empty there."""
+    """Return |A ∩ B| / |A ∪ B| over ``valid``, all bool and of one shape; :data:`BOTH_EMPTY` where they are."""
     return agreement(a, b, valid, 1.0).jaccard
 
 

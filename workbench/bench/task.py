@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from endoct.base.entry_points import Function, entry_named, unknown_name
+from endoct.base.entry_points import INSTALL, Function, entry_named, unknown_name
 from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.ranges import Range as Range  # what a condition is drawn from
 
@@ -191,7 +191,7 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
         raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
     for name in wanted:
         if name not in known:
-            unknown_name(name, known, _kind(task))
+            unknown_name(name, known, _kind(task), remedy=INSTALL)
     if len(set(wanted)) < len(wanted):
         raise EndoctError("a method is named twice", found=", ".join(wanted), expected="each once")
     return tuple(wanted) or known

@@ -44,7 +44,7 @@ def print_result(folder: Path, *, as_json: bool, strict: bool = False) -> int:
     result = read_result(folder)
     if as_json:
         print_json(result.to_json())
-    elif result.jaccard is not None and result.dice is not None:
+    elif (overlap := result.overlap) is not None and not overlap.is_empty:
         print_line(f"Jaccard index {result.jaccard:.3f}, Dice {result.dice:.3f} ({' and '.join(result.sides)})")
     elif result.aligned:
         print_line(f"aligned, but there is nothing to score ({' and '.join(result.sides)})")

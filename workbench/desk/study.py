@@ -18,7 +18,7 @@ from endoct.base.files.files import exists, inside, path_text
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
-from endoct.modalities.reading.video_container import VIDEO_SUFFIXES
+from endoct.modalities.reading.recording import gives_frames
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama
 from endoct.workbench.pipeline.information import describe, recognise, side_by_side
@@ -199,7 +199,7 @@ def _recording(folder: Path, path: Path) -> Input | None:
 
 
 def _single_files(folder: Path, files: list[Path]) -> Iterator[Input]:
-    suffixes = {suffix for manifest in manifests().values() for suffix in manifest.suffixes} | set(VIDEO_SUFFIXES)
+    suffixes = {suffix for manifest in manifests().values() for suffix in manifest.suffixes}
     looked_at = 0
     for path in files:
         lower = path.name.lower()
@@ -209,7 +209,7 @@ def _single_files(folder: Path, files: list[Path]) -> Iterator[Input]:
         elif lower.endswith(VOLUME_SUFFIXES):
             if is_volume(path):
                 yield Input(path.relative_to(folder).as_posix(), path, "volume")
-        elif path.suffix.lower() in suffixes and looked_at < MOST_FILES:
+        elif looked_at < MOST_FILES and (path.suffix.lower() in suffixes or gives_frames(path)):
             looked_at += 1
             if (recording := _recording(folder, path)) is not None:
                 yield recording

@@ -62,7 +62,7 @@ def verdict_of(result: Result) -> Verdict:
 def agreement(result: Result) -> str:
     """Return how far two aligned sides agree: "12 cells agree, of 23 (endoscope) and 27 (oct); Jaccard 0.69 (…)."."""
     overlap = result.overlap
-    if overlap is None or overlap.jaccard is None:
+    if overlap is None or overlap.is_empty:
         return "Neither side has a cell where both observed the wall."
     counted = _matched_cells(result.scores.cells if result.scores else None, result.sides)
     interval = overlap.jaccard_interval
@@ -80,7 +80,7 @@ def _matched_cells(cells: CellScores | None, sides: tuple[str, str]) -> str:
 
 def _uncertain(overlap: Overlap | None) -> str:
     """Return why the Jaccard index is uncertain; "" where it is not."""
-    if overlap is None or overlap.jaccard is None:
+    if overlap is None or overlap.is_empty:
         return "The score is uncertain: there is no cell to score."
     if overlap.jaccard_interval is None:
         return "The score is uncertain: there are too few places with cells for an interval."

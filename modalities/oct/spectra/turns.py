@@ -44,7 +44,7 @@ AROUND = 1 / 30
 """Parts of the stream are compared in a window of this standard deviation, in turns."""
 STEPS_A_TURN = 48
 """The lag is followed at so many places a turn."""
-JUMP_COST, MOST_COST = 0.02, 0.2
+COLUMN_COST, MOST_COLUMN_COST = 0.02, 0.2
 """A change of the lag by one step, from place to place, costs this correlation. Any change costs at most the second:
 blocks of A-scans get lost."""
 NEAR = 1 / 80
@@ -168,7 +168,7 @@ def _followed(stream: Image, period: float) -> tuple[Coordinates, Coordinates, C
 def _best_path(alike: Coordinates) -> NDArray[np.intp]:
     """Return for each row of ``alike`` (place, lag) the column of the path that is most alike in all, (place,)."""
     columns = np.arange(alike.shape[1])
-    cost = np.minimum(JUMP_COST * np.abs(columns[:, None] - columns), MOST_COST)
+    cost = np.minimum(COLUMN_COST * np.abs(columns[:, None] - columns), MOST_COLUMN_COST)
     came_from = np.zeros(alike.shape, np.intp)
     total = alike[0]
     for row in range(1, len(alike)):

@@ -50,6 +50,16 @@ def test_a_broken_recording_says_why(study: Path):
     assert "not valid TOML" in fault
 
 
+def test_single_files_are_known_by_their_content(study: Path):
+    loose = study / "loose"
+    loose.mkdir()
+    for name in ("first.dat", "second.dat"):
+        shutil.copy(study / "bore-1" / "oct" / "pullback.tif", loose / name)
+    (loose / "notes.dat").write_text("not a recording")
+    names = sorted(each.name for each in inputs_in(study))
+    assert names == ["bore-1/endoscope", "bore-1/oct", "loose/first.dat", "loose/second.dat"]
+
+
 def test_what_endoct_wrote_is_no_input(study: Path, quick_specimen: Path):
     shutil.copytree(quick_specimen, study / "specimen")
     names = [each.name for each in inputs_in(study)]
