@@ -42,7 +42,7 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
     if parameters.force:
         what = (
             f"The best alignment was accepted because that was asked for (force). Its confidence is "
-            f"{alignment.confidence:.2f}; without force it would need at least {BELIEVABLE:g}."
+            f"{alignment.confidence:.2f}; without force, alignments are accepted from {BELIEVABLE:g} on."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
 

@@ -52,7 +52,7 @@ def rendering(model: Model, processes: Sequence[WorkerProcess]) -> Iterator[tupl
     Nothing more is rendered once the context is left.
     """
     groups = _groups_of_slices(model)
-    bscans, frames = Jobs[Bscans](len(groups)), Jobs[StoredFrame](PRESETS[model.sample.preset].n_frames)
+    bscans, frames = Jobs[Bscans](len(groups)), Jobs[StoredFrame](len(model.sample.endoscope.z_mm))
 
     def render_group(index: int) -> Bscans:
         return list(render_bscans(model.sample, model.wall, model.appearance, groups[index]))

@@ -99,3 +99,7 @@ def _drop_output() -> None:
     """Discard what is still to be printed, so that Python does not try again as it ends."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,4 +1,4 @@
-"""docs/reference/parameters.md is what docs/parameters.py makes of the parameters."""
+"""docs/reference/parameters.md, of the simulator, is what docs/parameters.py makes of the parameters."""
 
 import runpy
 from pathlib import Path

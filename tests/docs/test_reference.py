@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from endoct.fusion.files.store import PROPERTIES
+from endoct.modalities.reading.recording import FORMATS
 from endoct.modalities.registry import manifests
 
 ROOT = Path(__file__).parents[2]
@@ -43,3 +44,10 @@ def test_every_dependency_is_listed_with_its_version_and_licence() -> None:
         version_, licence = listed[name]
         assert licence
         assert version_ in (pinned.get(name, version_), pinned.get(name.replace("-", "_"), version_))
+
+
+def test_every_format_of_recordings_has_a_row() -> None:
+    page = (ROOT / "docs" / "reference" / "formats.md").read_text(encoding="utf-8")
+    for form in FORMATS:
+        module = form.open.__module__.removeprefix("endoct.modalities.")
+        assert f"`{module}`" in page, f"no row for {form.name}"

@@ -1,7 +1,6 @@
 """KEY=VALUE settings reach the sidecar or the parameters, and nothing else."""
 
 import hashlib
-import runpy
 from concurrent.futures import CancelledError
 from pathlib import Path
 
@@ -82,9 +81,3 @@ def test_many_files_share_one_digest_that_each_of_them_changes(tmp_path: Path) -
     assert list(before) == [str(tmp_path / "*")]
     (tmp_path / "0.bin").write_bytes(b"other")
     assert digests(tmp_path) != before
-
-
-def test_the_page_of_settings_is_up_to_date() -> None:
-    docs = Path(__file__).parents[3] / "docs"
-    made = runpy.run_path(str(docs / "settings.py"))["table"]()
-    assert (docs / "reference" / "settings.md").read_text(encoding="utf-8") == made, "run python docs/settings.py"

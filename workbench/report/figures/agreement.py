@@ -1,5 +1,7 @@
 """How far two sides agree: the budget of what is missing as one bar, and scores by kinds of cells."""
 
+from functools import partial
+
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -21,11 +23,16 @@ from endoct.workbench.report.figures.drawing import (
     place,
     render,
 )
-from endoct.workbench.report.figures.rendered import Drawn
+from endoct.workbench.report.figures.rendered import Drawing, Drawn
 from endoct.workbench.report.findings import Findings
 
 CAUSE_COLOURS = {"alignment": SKY, "sampling": ORANGE, "visibility": GREEN, "segmentation": VERMILION}
 STRATA_TITLES = {"diameter_mm": "diameter (mm)", "depth_mm": "depth (mm)", "contrast": "contrast"}
+
+
+def drawings_of_findings(findings: Findings) -> list[Drawing]:
+    """Return what draws the cells and scores of a comparison."""
+    return [partial(draw, findings) for draw in (draw_budget, draw_scores)]
 
 
 def draw_budget(findings: Findings) -> Drawn | None:

@@ -7,7 +7,6 @@ nor whoever writes a page loads matplotlib.
 import base64
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +17,8 @@ from endoct.workbench.running.scheduler import Named, Scheduler, Task
 if TYPE_CHECKING:
     from endoct.workbench.report.findings import Findings
 
-FIGURES, _SCORES = "endoct.workbench.report.figures.of_report", "endoct.workbench.report.figures.agreement"
-"""The modules that draw, and bring matplotlib."""
+FIGURES, _FINDINGS = "endoct.workbench.report.figures.of_report", "endoct.workbench.report.figures.agreement"
+"""The modules that draw, and bring matplotlib; the second also brings what findings need, for a comparison alone."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +77,7 @@ _draw_both: Callable[[OfBoth, BothSides], list[Drawn]] = Named(f"{FIGURES}:draw_
 _drawings_of_wall: Callable[[BothSides], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_wall")
 _drawings_of_sides: Callable[[], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_sides")
 _drawn: Callable[[Iterable[Drawing]], list[Drawn]] = Named(f"{FIGURES}:drawn")
-_draw_budget: Callable[["Findings"], Drawn | None] = Named(f"{_SCORES}:draw_budget")
-_draw_scores: Callable[["Findings"], Drawn | None] = Named(f"{_SCORES}:draw_scores")
+_of_findings: Callable[["Findings"], list[Drawing]] = Named(f"{_FINDINGS}:drawings_of_findings")
 
 
 def begin_wall(panorama: Panorama, scheduler: Scheduler) -> Figures:
@@ -109,6 +107,6 @@ def begin_both(both: BothSides, scheduler: Scheduler, *, with_sides: bool) -> li
 
 def drawn_of(findings: "Findings", begun: Sequence[Figures]) -> list[Drawn]:
     """Return the figures of a comparison: those that were ``begun``, and those of its scores."""
-    scores = _drawn([partial(_draw_budget, findings), partial(_draw_scores, findings)])
+    scores = _drawn(_of_findings(findings))
     # the second process began with the first figure: this one begins with the last
     return [*(one for figures in reversed(begun) for one in figures.result_of_either()), *scores]
