@@ -33,6 +33,20 @@ UNITS = {
     "_deg": "degrees",
     "_hz": "Hz",
 }
+SIDECAR_NAME = "acquisition.toml"
+Travel = Literal["in", "out", "unknown"]
+Handedness = Literal["same", "mirrored", "unknown"]
+MOST_PLACE_MM = 1e4
+"""No bore is longer than this."""
+MOST_PLACES = 1_000_000
+MOST_STATED = 100
+Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
+LONGEST_KEY = 100
+_COMMA_DECIMAL = re.compile(
+    r"^[ \t]*([A-Za-z0-9_-]{1,100})[ \t]*=[ \t]*([-+]?[0-9]{1,20},[0-9]{1,20})(?![0-9,])", re.MULTILINE
+)
+"""Many countries write numbers like this, and TOML does not."""
+AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def unit_of(key: str) -> str:
@@ -149,22 +163,6 @@ def _kinds(annotation: Any) -> Iterable[type]:
         yield from _kinds(argument)
 
 
-SIDECAR_NAME = "acquisition.toml"
-
-Travel = Literal["in", "out", "unknown"]
-Handedness = Literal["same", "mirrored", "unknown"]
-MOST_PLACE_MM = 1e4
-"""No bore is longer than this."""
-MOST_PLACES = 1_000_000
-MOST_STATED = 100
-Place = Annotated[float, Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)]
-LONGEST_KEY = 100
-_COMMA_DECIMAL = re.compile(
-    r"^[ \t]*([A-Za-z0-9_-]{1,100})[ \t]*=[ \t]*([-+]?[0-9]{1,20},[0-9]{1,20})(?![0-9,])", re.MULTILINE
-)
-"""Many countries write numbers like this, and TOML does not."""
-
-
 @dataclass(frozen=True)
 class OneOf:
     """Groups of keys of which a recording needs one, whole; ``why`` it does."""
@@ -226,9 +224,6 @@ class Acquisition(BaseModel):
         These may be incomplete, and need not be checked. ``shape``: that of a frame as its files hold it.
         """
         return {}
-
-
-AnyModel = TypeVar("AnyModel", bound=BaseModel)
 
 
 def positive(keys: Mapping[str, Any], *names: str) -> tuple[float, ...] | None:

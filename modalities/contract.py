@@ -45,6 +45,9 @@ from endoct.stitching.per_frame import Meaning
 from endoct.stitching.strip import Strip
 
 Channel = Literal["intensity", "depth", "volume"]
+Certainty = Literal["sure", "likely", "unsure"]
+"""How much a plug-in that claims a path relies on that; the surest one reads it."""
+P = TypeVar("P")
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +63,6 @@ class Frame:
     samples: NDArray[Any]
     z_mm: float
     metadata: Mapping[str, Any] = field(default_factory=dict)
-
-
-Certainty = Literal["sure", "likely", "unsure"]
-"""How much a plug-in that claims a path relies on that; the surest one reads it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +234,6 @@ def import_cause(error: BaseException) -> str:
     return str(error) if isinstance(error, ImportError | AttributeError) else cause_of(error)
 
 
-P = TypeVar("P")
 C = TypeVar("C", bound=Calibration)
 
 

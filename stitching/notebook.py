@@ -23,6 +23,10 @@ WIDTH_PX, HEIGHT_PX = 180, 160
 COLOURS = 16
 """A picture has so few colours that it takes some kB."""
 NOT_OBSERVED_RGB = np.array([0xB9, 0xD0, 0xF2], dtype=np.uint8)
+NOT_OBSERVED = "#b9d0f2"
+TALLEST_IN, NARROWEST_IN = 7.0, 2.2
+COLUMNS = 1024
+"""A plot has at most this many pixels across. More cannot be told apart on a screen."""
 
 
 def wall_picture(grid: SurfaceGrid, values: Image, valid: Mask) -> bytes:
@@ -82,12 +86,6 @@ def _png(rgb: NDArray[np.uint8]) -> bytes:
     png = io.BytesIO()
     Pillow.fromarray(rgb).quantize(COLOURS).save(png, "PNG", optimize=True)
     return png.getvalue()
-
-
-NOT_OBSERVED = "#b9d0f2"
-TALLEST_IN, NARROWEST_IN = 7.0, 2.2
-COLUMNS = 1024
-"""A plot has at most this many pixels across. More cannot be told apart on a screen."""
 
 
 def new_wall_axes(grid: SurfaceGrid, panels: int = 1) -> "list[Axes]":

@@ -23,6 +23,14 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+FORMAT = "endoct-panorama-1"
+SURFACE = ("intensity", "valid", "weight", "depth_mm", "parallax_depth_mm", "parallax_error_mm", "z", "theta")
+"""These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
+_DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
+_TAKEN = (*SURFACE, "volume")
+LEAST_VALID_SHARE = 0.9
+"""A panorama is doubted where less of it than this was observed."""
+
 
 @dataclass(frozen=True)
 class AxialScale:
@@ -51,13 +59,6 @@ class AxialScale:
     def to_json(self) -> dict[str, Any]:
         """Return it as a panorama's store has it."""
         return {"stated": dict(self.stated), "checked": self.checked}
-
-
-FORMAT = "endoct-panorama-1"
-SURFACE = ("intensity", "valid", "weight", "depth_mm", "parallax_depth_mm", "parallax_error_mm", "z", "theta")
-"""These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
-_DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
-_TAKEN = (*SURFACE, "volume")
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,10 +235,6 @@ class Panorama:
         if len(lengths := {len(one.values) for one in self.per_frame.values()}) > 1:
             found = " and ".join(map(str, sorted(lengths)))
             raise EndoctError("what a panorama has per frame must be of one length", found=found)
-
-
-LEAST_VALID_SHARE = 0.9
-"""A panorama is doubted where less of it than this was observed."""
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:

@@ -40,6 +40,12 @@ FWHM = 2.3548
 NOISE_STREAM = 110
 """Which of the wall's generators draws the noise before drilling; the next one draws it after."""
 BONE, OUTSIDE_Z_MM = 1, 0.0
+LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+LEVEL = 4
+"""Files are compressed at this level: more takes long and gains little on noise."""
+PLAN_STREAM = 8
+"""Which of the bore's generators draws the plan."""
+MOST_OFF_MM, MOST_OFF_RAD = 1.0, math.radians(2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +165,6 @@ def _labels(sample: Sample, places: Lattice, clearance: Image) -> NDArray[np.uin
     return label
 
 
-LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-LEVEL = 4
-"""Files are compressed at this level: more takes long and gains little on noise."""
-
-
 def write_ct(folder: Path, sample: Sample) -> None:
     """Write what the sample has of ``ct.nii.gz`` with ``_labels`` and ``_cells``, and of ``cone_beam.nii.gz``."""
     if sample.ct is not None:
@@ -184,11 +185,6 @@ def _write(path: Path, voxels: NDArray[np.generic], lattice: Lattice, text: str)
         stream.write(nifti_header((i, j, k), voxels.dtype, LPS_TO_RAS @ to_lps, "patient, RAS", text))
         for slice_ in voxels:
             stream.write(slice_.astype(slice_.dtype.newbyteorder("<"), copy=False).tobytes())
-
-
-PLAN_STREAM = 8
-"""Which of the bore's generators draws the plan."""
-MOST_OFF_MM, MOST_OFF_RAD = 1.0, math.radians(2.0)
 
 
 def write_lines(folder: Path, sample: Sample) -> None:

@@ -26,6 +26,21 @@ from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, spectra_sidecar, toml, tube_file
 from endoct.synthetic.truth import write_truth
 
+PROGRESS_EVERY_S = 0.2
+ALL_TAKEN = 0.99
+"""A recording counts as done to this share at most until the frames that were taken last are written."""
+FRAME_RATE_HZ = 25
+"""Videos are written to play at this rate."""
+ENCODER_OPTIONS = {"level": "3", "coder": "rice", "slices": "4", "slicecrc": "1", "g": "1"}
+"""Videos are FFV1 in Matroska.
+
+FFV1 (RFC 9043) is lossless, also for RGB and grey, so a video holds the very pixels that a folder of PNG would. It
+codes every frame on its own, so that any can be read without the others. Archives use it, and VLC, Fiji (through its
+FFMPEG plug-in), Python and all else built on FFmpeg read it. H.264 and MPEG-4 change the pixels, and their encoders
+need not give the same bytes on every machine. Matroska is written without its random identifiers and dates, so the same
+frames give the same bytes.
+"""
+
 
 def write_specimen(
     folder: Path,
@@ -67,11 +82,6 @@ def write_specimen(
         write_labels(folder / "truth" / "labels", model, partial(progress, "labels"), workers)
 
 
-PROGRESS_EVERY_S = 0.2
-ALL_TAKEN = 0.99
-"""A recording counts as done to this share at most until the frames that were taken last are written."""
-
-
 def write_recordings(folder: Path, model: Model, processes: Sequence[WorkerProcess], progress: Progress) -> None:
     """Write ``oct`` and ``endoscope`` into ``folder`` while this process and ``processes`` render them."""
     with ThreadPoolExecutor(2) as pool, rendering(model, processes) as (bscans, frames):
@@ -107,19 +117,6 @@ def write_endoscope(folder: Path, sample: Sample, frames: Iterable[StoredFrame])
         for i, data in enumerate(cast(Iterable[bytes], frames)):
             (folder / f"frame_{i:04d}.png").write_bytes(data)
     (folder / "acquisition.toml").write_text(toml(endoscope_sidecar(sample)), encoding="utf-8")
-
-
-FRAME_RATE_HZ = 25
-"""Videos are written to play at this rate."""
-ENCODER_OPTIONS = {"level": "3", "coder": "rice", "slices": "4", "slicecrc": "1", "g": "1"}
-"""Videos are FFV1 in Matroska.
-
-FFV1 (RFC 9043) is lossless, also for RGB and grey, so a video holds the very pixels that a folder of PNG would. It
-codes every frame on its own, so that any can be read without the others. Archives use it, and VLC, Fiji (through its
-FFMPEG plug-in), Python and all else built on FFmpeg read it. H.264 and MPEG-4 change the pixels, and their encoders
-need not give the same bytes on every machine. Matroska is written without its random identifiers and dates, so the same
-frames give the same bytes.
-"""
 
 
 def write_video(path: Path, frames: Iterable[NDArray[np.uint8]]) -> None:

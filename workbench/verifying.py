@@ -30,6 +30,8 @@ from endoct.workbench.exporting.mark import is_marked as is_whole
 from endoct.workbench.running.kinds import DATA_SET, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
 
+_A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -94,9 +96,6 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
             return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
         size = sum(n_bytes for n_bytes, _ in contents.files.values())
         return Verdict(path, contents.kind, len(contents.files), size, _without_own(path, differences(path, contents)))
-
-
-_A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")
 
 
 def _without_own(folder: Path, found: Differences) -> Differences:

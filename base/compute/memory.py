@@ -20,6 +20,8 @@ MOST_IN_MEMORY = 48 * 2**20
 """Bytes that stay in memory, enough for what a survey keeps of 150 slices."""
 
 Item = TypeVar("Item")
+ALIGNED = 64
+"""The start of every array is a multiple of this many bytes, as vector instructions need it."""
 
 
 class Computed(Sequence[Item]):
@@ -123,10 +125,6 @@ def _disk_reported(done: str) -> Iterator[None]:
             found=system_cause(error),
             remedy="free space in the folder for temporary files, or name another one in the variable TMPDIR",
         ) from error
-
-
-ALIGNED = 64
-"""The start of every array is a multiple of this many bytes, as vector instructions need it."""
 
 
 class Room(threading.local):

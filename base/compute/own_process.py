@@ -15,6 +15,13 @@ from contextlib import contextmanager, suppress
 GARBAGE_THRESHOLD = 50_000
 """From this many new objects on, Python looks for circular garbage. Its own 700 cost an eighth of the time of imports,
 for next to nothing."""
+SAID_AFTER = 5
+"""A user hears of compiling from this many functions on: one or two are no wait, and after five many more follow."""
+exchanging = threading.RLock()
+"""Held while an output is put in its place, which nothing may come between."""
+_EXCHANGE_S, _DYING_S = 0.5, 0.1
+"""How long :func:`undo_all` waits for an output that is being put in its place, and for each process that it kills."""
+_undoing: dict[object, Callable[[], object]] = {}
 
 
 def settle_in() -> None:
@@ -26,10 +33,6 @@ def settle_in() -> None:
     gc.set_threshold(GARBAGE_THRESHOLD)
     atexit.register(gc.freeze)  # or Python looks at its end through all that libraries made: 0.6 s
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-
-
-SAID_AFTER = 5
-"""A user hears of compiling from this many functions on: one or two are no wait, and after five many more follow."""
 
 
 class _Compiling:
@@ -56,13 +59,6 @@ def count_compiled() -> None:
     _Compiling.count += 1
     if _Compiling.count == SAID_AFTER:
         announce_compiling()
-
-
-exchanging = threading.RLock()
-"""Held while an output is put in its place, which nothing may come between."""
-_EXCHANGE_S, _DYING_S = 0.5, 0.1
-"""How long :func:`undo_all` waits for an output that is being put in its place, and for each process that it kills."""
-_undoing: dict[object, Callable[[], object]] = {}
 
 
 @contextmanager

@@ -22,6 +22,19 @@ from endoct.base.errors import EndoctError
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
+SMALL_BYTES = 1_000_000
+"""Sidecars and similar files are at most this large."""
+BLOCK_BYTES = 2**22
+"""A digest reads this much at a time. Its thread waits for the interpreter at every block: 5 ms and more, if that is
+busy."""
+HELD_FOLDERS = Path("/proc/self/fd")
+"""The system lists open folders here: a path through it leads into such a folder wherever that was moved."""
+State = dict[str, tuple[int, ...]]
+"""Device, number, size, and the times of the last changes of every file below a path."""
+VARIABLE = "ENDOCT_LARGEST_ARRAY_GB"
+DEFAULT_GB = 0.5
+"""A B-scan of the paper has 0.014 GB, a channel of a panorama of 14 000 × 3 000 samples 0.17."""
+LISTED_FILES = 8
 
 
 def plain_name(name: object, subject: str) -> str:
@@ -54,20 +67,6 @@ def is_left_by_system(name: str) -> bool:
 def spreadsheet_text(text: str) -> str:
     """Return ``text`` as a cell of a CSV that no spreadsheet takes for a formula."""
     return f"'{text}" if text.startswith(_FORMULA) else text
-
-
-SMALL_BYTES = 1_000_000
-"""Sidecars and similar files are at most this large."""
-
-BLOCK_BYTES = 2**22
-"""A digest reads this much at a time. Its thread waits for the interpreter at every block: 5 ms and more, if that is
-busy."""
-
-HELD_FOLDERS = Path("/proc/self/fd")
-"""The system lists open folders here: a path through it leads into such a folder wherever that was moved."""
-
-State = dict[str, tuple[int, ...]]
-"""Device, number, size, and the times of the last changes of every file below a path."""
 
 
 @contextmanager
@@ -200,11 +199,6 @@ def _kind(handle: int) -> str:
     return next((word for is_kind, word in kinds if is_kind(mode)), "something else")
 
 
-VARIABLE = "ENDOCT_LARGEST_ARRAY_GB"
-DEFAULT_GB = 0.5
-"""A B-scan of the paper has 0.014 GB, a channel of a panorama of 14 000 × 3 000 samples 0.17."""
-
-
 def largest_array_bytes() -> int:
     """Return the limit. Raises :class:`EndoctError` where the environment sets it to something else than a size."""
     text = os.environ.get(VARIABLE, "")
@@ -227,9 +221,6 @@ def check_array_size(shape: Sequence[int], itemsize: int, subject: str) -> None:
             expected=f"{limit / 1e9:g} GB at most in one array",
             remedy=f"check the file; if it is right, set {VARIABLE} to more",
         )
-
-
-LISTED_FILES = 8
 
 
 def digests(path: Path, before_block: Callable[[], None] | None = None) -> dict[str, str]:

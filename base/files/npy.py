@@ -22,6 +22,12 @@ _END, _END_BYTES, _LONGEST_COMMENT = b"PK\5\6", 22, 65_535
 _LOCATOR, _LOCATOR_BYTES = b"PK\6\7", 20
 _ENTRY_BYTES = 1000
 """The list of members may take this much for each. A member's name and its other fields rarely take 100."""
+KINDS = "biufU"
+MOST_AXES = 8
+MOST_MEMBERS = 1000
+_PIECE = 1 << 24
+_MOST_HEADER = 10_000  # NumPy's own limit
+_HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 @contextmanager
@@ -60,14 +66,6 @@ def _check_list(file: IO[bytes], path: Path, most_members: int, refusal: str) ->
     is_long = end[max(0, place - _LOCATOR_BYTES) :].startswith(_LOCATOR)
     if is_long or int.from_bytes(end[place + 12 : place + 16], "little") > most_members * _ENTRY_BYTES:
         raise EndoctError(f"{path} holds too many files", expected=f"{most_members} at most")
-
-
-KINDS = "biufU"
-MOST_AXES = 8
-MOST_MEMBERS = 1000
-_PIECE = 1 << 24
-_MOST_HEADER = 10_000  # NumPy's own limit
-_HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def read_npy(file: IO[bytes], subject: str, parts: int = 1) -> NDArray[Any]:

@@ -30,6 +30,18 @@ from endoct.base.files.files import read_start
 _NOREPLACE, _EXCHANGE = 1, 2
 _HERE = -100  # AT_FDCWD
 _UNSUPPORTED = (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP)
+PREFIX = ".endoct-"
+GONE = ".endoct.gone-endoct-"
+"""The name of a scratch folder that is being removed begins so."""
+LOCK_NAME = "lock"
+NEW, REPLACED = "new", "replaced"
+"""Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
+_LOCK = re.compile(r"process \d+ on .*\n")
+_SURELY_LOCKED_S = 5.0
+"""A scratch folder that has no lock by then has lost its maker before it was locked."""
+_QUIET_S, _LONGEST_AFTER_S = 0.2, 2.0
+"""A removed folder must rest for the first of these times, in which nobody writes into it; the second limits the
+wait."""
 
 
 def put_new(made: Path, place: Path) -> None:
@@ -131,22 +143,6 @@ def _call() -> Any:
     if call is not None:
         call.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint]
     return call
-
-
-PREFIX = ".endoct-"
-GONE = ".endoct.gone-endoct-"
-"""The name of a scratch folder that is being removed begins so."""
-LOCK_NAME = "lock"
-NEW, REPLACED = "new", "replaced"
-"""Folders in a scratch folder: of what is made, and of what had to be moved aside for it."""
-_LOCK = re.compile(r"process \d+ on .*\n")
-_SURELY_LOCKED_S = 5.0
-"""A scratch folder that has no lock by then has lost its maker before it was locked."""
-
-
-_QUIET_S, _LONGEST_AFTER_S = 0.2, 2.0
-"""A removed folder must rest for the first of these times, in which nobody writes into it; the second limits the
-wait."""
 
 
 class HeldError(Exception):

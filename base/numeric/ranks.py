@@ -12,6 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
 
+SIGMA_PER_MEDIAN = 1.4826
+"""Standard deviation of a normal distribution over the median of its absolute deviations."""
+ERROR_PER_SIGMA = 1.25
+"""A median errs by so much more than a mean: √(π/2) times, of normal samples."""
+
 
 def median(samples: NDArray[Any]) -> float:
     """Return the median of ``samples`` of any shape; NaN where one of them is."""
@@ -119,12 +124,6 @@ def _selected(samples: NDArray[Any], share: float) -> float:
 def _between(low: Any, high: Any, part: Any) -> Any:
     """What lies between two samples, ``part`` of the way, 0 to 1: the upper one where it is 1."""
     return low + (high - low) * part if part < 0.5 else high - (high - low) * (1 - part)
-
-
-SIGMA_PER_MEDIAN = 1.4826
-"""Standard deviation of a normal distribution over the median of its absolute deviations."""
-ERROR_PER_SIGMA = 1.25
-"""A median errs by so much more than a mean: √(π/2) times, of normal samples."""
 
 
 def robust_sigma(deviations: ArrayLike) -> float:

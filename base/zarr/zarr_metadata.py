@@ -24,6 +24,11 @@ from endoct.base.files.json_values import an_object, read_object
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _RAW, _REPEATED, _COMPRESSED = range(3)
 _PIECE = 1 << 20
+CHECKSUM = "crc32c"
+TEXTS = "string"
+MOST_AXES = 8
+_WHOLE = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
+_V2_LETTERS = "biuf"
 
 
 def expanded_bytes(data: bytes, codec: str, most: int, subject: str) -> int:
@@ -110,13 +115,6 @@ _CODECS: Mapping[str, Callable[[bytes, int], int]] = {
     "zlib": _zlib,
 }
 COMPRESSORS = frozenset(_CODECS)
-
-
-CHECKSUM = "crc32c"
-TEXTS = "string"
-MOST_AXES = 8
-_WHOLE = ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
-_V2_LETTERS = "biuf"
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,10 @@ _MOST_PADDED = 4
 """Chunks reach beyond the ends of an array; all of them together may have this many times the largest array."""
 _SLACK_BYTES = 65_536
 """Data that cannot be compressed grow a little. A chunk may take this much more."""
+MOST_METADATA_BYTES = 16_000_000
+"""Metadata may have this many bytes. The root's hold those of all arrays, and the provenance."""
+MOST_ARRAYS = 200
+DAMAGED = "copy the store again, or make it again"
 
 
 def check_array(array: Declared, *, whole: bool) -> None:
@@ -150,12 +154,6 @@ def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Pat
     stated = struct.unpack_from("<I", expanded)[0] if len(expanded) >= 4 else -1
     if stated != math.prod(array.chunk):
         raise EndoctError(f"{file} is no chunk of its array", found=f"{stated} texts", expected=f"{array.chunk[0]}")
-
-
-MOST_METADATA_BYTES = 16_000_000
-"""Metadata may have this many bytes. The root's hold those of all arrays, and the provenance."""
-MOST_ARRAYS = 200
-DAMAGED = "copy the store again, or make it again"
 
 
 @dataclass(frozen=True)

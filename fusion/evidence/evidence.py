@@ -24,6 +24,17 @@ Polarity = Literal["dark", "bright"]
 
 CLIP = {"relief": (0.0, 0.15), "darkness": (-0.5, 1.0), "brightness": (-0.5, 1.0), "mask": (0.0, 1.0)}
 """Beyond these bounds evidence of a kind says no more; relief is in mm."""
+LIGHT_AROUND_MM = 1.2
+LIGHT_ROUNDS = ((6.0, 1.0), (6.0, 0.6), (4.0, 0.4), (3.0, 0.3), (2.0, 0.2), (1.5, 0.15), (1.2, 0.15))
+"""Rounds of the fit of the light: σ in mm along z over which it is smoothed, and how far behind it samples count.
+
+The light is the probe's: it differs around the probe and changes slowly along the bore. So the fit begins wide along z.
+There the floor of a cell as large as the bore is not taken for dim light on the wall.
+"""
+LIGHT_GRID_MM = 0.05
+FAINTEST = 0.02
+"""An intensity below this share of the median counts as this share: the logarithm of dark noise says nothing."""
+_KIND_OF: dict[Polarity, Kind] = {"dark": "darkness", "bright": "brightness"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,18 +113,6 @@ def reoriented(evidence: Evidence, *, mirrored: bool, z_reversed: bool, z_scale:
     )
 
 
-LIGHT_AROUND_MM = 1.2
-LIGHT_ROUNDS = ((6.0, 1.0), (6.0, 0.6), (4.0, 0.4), (3.0, 0.3), (2.0, 0.2), (1.5, 0.15), (1.2, 0.15))
-"""Rounds of the fit of the light: σ in mm along z over which it is smoothed, and how far behind it samples count.
-
-The light is the probe's: it differs around the probe and changes slowly along the bore. So the fit begins wide along z.
-There the floor of a cell as large as the bore is not taken for dim light on the wall.
-"""
-LIGHT_GRID_MM = 0.05
-FAINTEST = 0.02
-"""An intensity below this share of the median counts as this share: the logarithm of dark noise says nothing."""
-
-
 def prepare(
     panorama: Panorama, *, prefer: Literal["relief", "intensity"] = "relief", polarity: Polarity = "dark"
 ) -> Evidence:
@@ -143,9 +142,6 @@ def prepare(
     if kind == "relief":
         return replace(raw, values=relief(values, valid, panorama.z_mm))
     return raw if kind == "mask" else replace(raw, values=contrast(raw, polarity))
-
-
-_KIND_OF: dict[Polarity, Kind] = {"dark": "darkness", "bright": "brightness"}
 
 
 def contrast(evidence: Evidence, polarity: Polarity) -> Image:

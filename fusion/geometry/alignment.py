@@ -10,6 +10,13 @@ from numpy.typing import ArrayLike
 from endoct.base.arrays import Coordinates
 
 Covariance = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+Orientation = tuple[bool, bool]
+"""The way around that B lies in A's frame: (mirrored, z_reversed)."""
+ALL_ORIENTATIONS: tuple[Orientation, ...] = ((False, False), (True, False), (False, True), (True, True))
+Role = Literal["correct", "check"]
+"""What a pair is for: to correct an alignment, or to check it. No pair can check what it has corrected."""
+USUAL_SIGMA_MM = 0.05
+"""Standard error of a place that somebody points out, where nobody says better: the rim of a cell is as wide."""
 
 
 @dataclass(frozen=True)
@@ -108,16 +115,6 @@ class NotAligned:
 
     reason: str
     best: Alignment | None = None
-
-
-Orientation = tuple[bool, bool]
-"""The way around that B lies in A's frame: (mirrored, z_reversed)."""
-ALL_ORIENTATIONS: tuple[Orientation, ...] = ((False, False), (True, False), (False, True), (True, True))
-
-Role = Literal["correct", "check"]
-"""What a pair is for: to correct an alignment, or to check it. No pair can check what it has corrected."""
-USUAL_SIGMA_MM = 0.05
-"""Standard error of a place that somebody points out, where nobody says better: the rim of a cell is as wide."""
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ MOST_APART = 28.5
 two axes of one bore exceed once in 100 000."""
 CLOSE_AGREEMENT = 0.05
 """A second pose that lies apart, and fits as well but for so much, leaves open which is right."""
+Summary = tuple[tuple[float, float, float, float], float, float]
+"""A pose in short: its axis, depth and turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,10 +287,6 @@ def _stranger(air: AirAround, alone: Sequence[SidePose], together: Fit) -> str |
 
 def _least_of(side: Observation) -> float:
     return LEAST_BY_DEPTH if len(side.layers) > 1 else LEAST_BY_CELLS
-
-
-Summary = tuple[tuple[float, float, float, float], float, float]
-"""A pose in short: its axis, depth and turn."""
 
 
 def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]:

@@ -25,6 +25,13 @@ LEAST_EDGE = 0.25
 """Where the share of air around a row changes by less, there is no edge of a cell: a voxel half full, blurred."""
 LEAST_CHANGE = 0.02
 """A wall has a pattern where the standard deviation of its share of air is at least this."""
+REHEARSALS = 6
+"""Rehearsals of each instrument: about a minute of one core for both."""
+SEED = 2017
+LARGEST_ERROR_MM = 0.5
+"""Largest error at the target of a pose that is told well: surgery at the facial recess asks for 0.3 to 0.5 mm."""
+Level = Literal["well", "poorly", "hardly"]
+LEVELS: tuple[Level, ...] = ("hardly", "poorly", "well")
 
 
 @dataclass(frozen=True)
@@ -90,15 +97,6 @@ def _likeness(wall: Image) -> tuple[float | None, float | None]:
     trough = COLUMNS // 2 if falling.all() else max(1, int(np.argmin(falling)))
     best = trough + int(np.argmax(like[trough:]))
     return float(like[best]), best * 360 / COLUMNS
-
-
-REHEARSALS = 6
-"""Rehearsals of each instrument: about a minute of one core for both."""
-SEED = 2017
-LARGEST_ERROR_MM = 0.5
-"""Largest error at the target of a pose that is told well: surgery at the facial recess asks for 0.3 to 0.5 mm."""
-Level = Literal["well", "poorly", "hardly"]
-LEVELS: tuple[Level, ...] = ("hardly", "poorly", "well")
 
 
 @dataclass(frozen=True)

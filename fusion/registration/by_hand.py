@@ -34,6 +34,16 @@ from endoct.fusion.geometry.alignment import (
 from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with_evidence
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
+FEWEST = 2
+"""So many pairs establish an alignment where none was found."""
+FEWEST_FOR_ORIENTATION = 3
+"""So many pairs may also say which way around it is."""
+DECISIVE = 16.0
+"""Least difference of χ² between two orientations that decides: four standard errors."""
+FAR_OFF = 2.0
+"""Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
+CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -115,17 +125,6 @@ def covariance_about(middle_mm: float, of_turn: float, of_place: float, of_scale
     common = -middle_mm * of_scale
     rows = [[of_turn, 0, 0], [0, of_place + middle_mm**2 * of_scale, common], [0, common, of_scale]]
     return np.array(rows, np.float64)
-
-
-FEWEST = 2
-"""So many pairs establish an alignment where none was found."""
-FEWEST_FOR_ORIENTATION = 3
-"""So many pairs may also say which way around it is."""
-DECISIVE = 16.0
-"""Least difference of χ² between two orientations that decides: four standard errors."""
-FAR_OFF = 2.0
-"""Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
-CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,19 @@ STEP_MM = 0.05
 N_THETA = 256
 LEAST_SAMPLES = 0.5
 """Share of a part's samples that must meet observed wall wherever it is compared."""
+SECTORS = 4
+FAR_MM = 0.16
+"""Parts that lie farther from where they should, around the bore or along it, are out of place."""
+SAME_PLACE_MM = 0.16
+"""The place where a band belongs may differ by so much from that of the other band."""
+APART_MM = 0.1
+"""Arcs that lie farther apart around the bore were turned. Those of 32 sound recordings (seeds 0–31) lie 0.074 mm apart
+at most. Those of turns with a step of 0.15 rad lie 0.11 to 0.20 mm apart, of 0.2 rad 0.16 mm and more (10 each)."""
+FEWEST_IN_ARC = 2
+LEAST_APART_MM = 0.5 * APART_MM
+"""The least distance in either half of the bore by itself: a step is at every slice, but single cells lie in one half.
+Four of 68 more sound recordings (1100–1143, 1200–1223), with four cells each, have arcs 0.10 to 0.19 mm apart. None has
+them in both halves."""
 
 
 @dataclass(frozen=True)
@@ -161,11 +174,6 @@ def _moved_along(of_a: Spectra, of_b: Spectra, first: int, rows: int) -> Spectra
     return sums
 
 
-SECTORS = 4
-FAR_MM = 0.16
-"""Parts that lie farther from where they should, around the bore or along it, are out of place."""
-
-
 @dataclass(frozen=True)
 class Look:
     """How parts are searched for: bands ``tall_mm`` high, or sectors of any height; how far along and around.
@@ -193,17 +201,7 @@ EXCHANGED = Look(tall_mm=0.3, reach_mm=4.0, reach_rad=0.1, clear=0.5, better=0.1
 """How bands in each other's place are searched for. Two or three slices that were exchanged correlate by 0.6. None of
 20 sound recordings has two such bands that both correlate by more than 0.23 (benchmarks/independent, set sound, seeds
 0–19)."""
-SAME_PLACE_MM = 0.16
-"""The place where a band belongs may differ by so much from that of the other band."""
 APART = Look(tall_mm=np.inf, reach_mm=0.15, reach_rad=0.6, clear=0.55, better=0.03)
-APART_MM = 0.1
-"""Arcs that lie farther apart around the bore were turned. Those of 32 sound recordings (seeds 0–31) lie 0.074 mm apart
-at most. Those of turns with a step of 0.15 rad lie 0.11 to 0.20 mm apart, of 0.2 rad 0.16 mm and more (10 each)."""
-FEWEST_IN_ARC = 2
-LEAST_APART_MM = 0.5 * APART_MM
-"""The least distance in either half of the bore by itself: a step is at every slice, but single cells lie in one half.
-Four of 68 more sound recordings (1100–1143, 1200–1223), with four cells each, have arcs 0.10 to 0.19 mm apart. None has
-them in both halves."""
 FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 

@@ -16,6 +16,21 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid, reoriented
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Orientation
 
+PIECE_MM2 = 0.25
+"""Area of one independent piece of wall: as the search sees it, the evidence on it hangs together."""
+FEWEST_PIECES = 4
+SHUFFLES = 16
+SLICE_MM = 1.0
+"""Height of the rings that a shuffle turns; cells, which must stay whole, are smaller."""
+EULER = 0.5772156649
+SEARCH_DZ_MM = 0.08
+SEARCH_COLUMNS = 128
+SEARCH_BAND_MM = (0.06, 0.3)
+"""The structure that is searched for, as sigmas of two Gaussians. Smaller structure is noise. Larger structure has too
+few independent pieces on one bore's wall to tell places apart."""
+DISTINCT_MM = 0.75
+"""Two places nearer than this are one peak."""
+
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
@@ -77,15 +92,6 @@ def masked_correlation(a: Spectra, b: Spectra) -> tuple[Image, Image]:
     return np.clip(ratio, -1, 1).astype(np.float32), overlap.astype(np.float32)
 
 
-PIECE_MM2 = 0.25
-"""Area of one independent piece of wall: as the search sees it, the evidence on it hangs together."""
-FEWEST_PIECES = 4
-SHUFFLES = 16
-SLICE_MM = 1.0
-"""Height of the rings that a shuffle turns; cells, which must stay whole, are smaller."""
-EULER = 0.5772156649
-
-
 def score(correlation: Image, overlap_mm2: Image) -> Image:
     """Return how far from chance each correlation is, float32 of the same shape, in standard deviations.
 
@@ -132,15 +138,6 @@ def _shuffled(evidence: Evidence, random: np.random.Generator) -> Evidence:
         turn = int(random.integers(values.shape[1]))
         values[ring], valid[ring] = np.roll(values[ring], turn, axis=1), np.roll(valid[ring], turn, axis=1)
     return replace(evidence, values=values, valid=valid)
-
-
-SEARCH_DZ_MM = 0.08
-SEARCH_COLUMNS = 128
-SEARCH_BAND_MM = (0.06, 0.3)
-"""The structure that is searched for, as sigmas of two Gaussians. Smaller structure is noise. Larger structure has too
-few independent pieces on one bore's wall to tell places apart."""
-DISTINCT_MM = 0.75
-"""Two places nearer than this are one peak."""
 
 
 def search(

@@ -26,6 +26,12 @@ OBSERVED = 0.5
 """Share of a cell that the other side must have observed for it to count in scores of cells."""
 DEPTH_KNOWN = 0.5
 """Share of a cell of which the depth by parallax must be known for it to count."""
+FEWEST_TO_DRIFT = 6
+"""No drift is estimated from fewer matched cells than this."""
+QUANTILE = 0.95
+"""Share of bare wall over which the evidence must rise to count as a sign of a cell."""
+LEAST_WALL = 100
+"""Nothing is said of cells where there are fewer samples of bare wall."""
 
 
 @dataclass(frozen=True)
@@ -222,10 +228,6 @@ def _at_edge(valid: Mask) -> Mask:
     return ~inside
 
 
-FEWEST_TO_DRIFT = 6
-"""No drift is estimated from fewer matched cells than this."""
-
-
 def cell_scores(reference: str, other: str, cells: Sequence[Cell]) -> CellScores | None:
     """Return precision and recall of ``other``'s cells against ``reference``'s, and their panoptic quality.
 
@@ -319,12 +321,6 @@ def _line(at_mm: Coordinates, apart_mm: Coordinates) -> Line:
 
 def _mean(values: Coordinates) -> float | None:
     return float(np.mean(values)) if values.size else None
-
-
-QUANTILE = 0.95
-"""Share of bare wall over which the evidence must rise to count as a sign of a cell."""
-LEAST_WALL = 100
-"""Nothing is said of cells where there are fewer samples of bare wall."""
 
 
 def invisible_cells(side: Surface, labels: Labels, ids: Sequence[int], grid: SurfaceGrid) -> list[int]:

@@ -64,6 +64,21 @@ HALF = 0.5
 BLUR_MM = 0.06
 """Outlines that lie within this of each other may be one, blurred. What is less than half as dark is cut as far from an
 outline."""
+STEP_MM = 0.01
+COARSEST_LINES_MM = 0.03
+"""Where samples lie farther apart than this, a line looks like grain."""
+ACROSS_MM, ALONG_MM = 0.012, 0.06
+N_DIRECTIONS = 12
+LEVELS = (6.0, 5.2, 4.5, 4.0, 3.5)
+"""Levels of a line, in multiples of what the wall answers. One in a thousand samples of the wall answers 4."""
+MOST = 10.0
+LEAST_OUTLINE = 7.5
+"""An outline answers this in the mean at least, each sample counted up to ``MOST``."""
+OFF_LINE_MM = 0.03
+"""An outline is held against the strongest line within this. Within this of a dark cell it belongs to that cell."""
+LEAST_DARKNESS = 0.01
+"""Least darkness of a floor, in the median."""
+FLOOR_SIGMA_MM = 0.015
 
 
 def clearest_regions(behind: Evidence, prepared: Image, threshold: float, parameters: SegmentParameters) -> Mask | None:
@@ -137,23 +152,6 @@ def _slope(behind: Evidence, cap: float) -> tuple[Image, Image]:
     crossed = np.maximum(np.abs(along) / behind.column_mm, np.abs(around) / behind.dz_mm)
     arc = np.divide(slope, crossed, out=np.zeros_like(slope), where=crossed > 0)
     return np.asarray(slope, dtype=np.float32), np.asarray(arc, dtype=np.float32)
-
-
-STEP_MM = 0.01
-COARSEST_LINES_MM = 0.03
-"""Where samples lie farther apart than this, a line looks like grain."""
-ACROSS_MM, ALONG_MM = 0.012, 0.06
-N_DIRECTIONS = 12
-LEVELS = (6.0, 5.2, 4.5, 4.0, 3.5)
-"""Levels of a line, in multiples of what the wall answers. One in a thousand samples of the wall answers 4."""
-MOST = 10.0
-LEAST_OUTLINE = 7.5
-"""An outline answers this in the mean at least, each sample counted up to ``MOST``."""
-OFF_LINE_MM = 0.03
-"""An outline is held against the strongest line within this. Within this of a dark cell it belongs to that cell."""
-LEAST_DARKNESS = 0.01
-"""Least darkness of a floor, in the median."""
-FLOOR_SIGMA_MM = 0.015
 
 
 def enclosed_by_lines(behind: Evidence, cells: Mask, parameters: SegmentParameters) -> Mask:

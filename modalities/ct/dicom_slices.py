@@ -33,6 +33,12 @@ ALIKE = (
 """All slices of one volume have these in common."""
 IN_BLOCKS = ("AcquisitionNumber", "ImageType", "KVP")
 """These may change along a volume, but not to and fro."""
+NEEDED = (
+    "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation", "BitsAllocated", "BitsStored",
+    "HighBit", "PixelRepresentation", "PixelData",
+)  # fmt: skip
+MOST_OTHER_BYTES = 64_000_000
+"""A file may have this many bytes besides its voxels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,14 +239,6 @@ def _check_numbers(file: DicomFile) -> None:
         )
     if not (int(header.get("Rows") or 0) > 0 and int(header.get("Columns") or 0) > 0):
         raise EndoctError(f"{file.path} cannot be read", found="no rows and columns")
-
-
-NEEDED = (
-    "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation", "BitsAllocated", "BitsStored",
-    "HighBit", "PixelRepresentation", "PixelData",
-)  # fmt: skip
-MOST_OTHER_BYTES = 64_000_000
-"""A file may have this many bytes besides its voxels."""
 
 
 def stored_numbers(file: DicomFile) -> NDArray[Any]:

@@ -29,6 +29,8 @@ APART_VOXELS = 0.1
 SINGLE, PAIR = (b"n+1\0", b"n+2\0"), (b"ni1\0", b"ni2\0")
 OUR_LABELS = "1 bone 2 nerve 3 chorda 4 cochlea 5 sinus 6 antrum"
 """Label maps that the simulator writes have this description."""
+DATA_AT = 352
+"""The voxels begin at this byte, i fastest."""
 
 
 def is_nifti(path: Path) -> bool:
@@ -202,10 +204,6 @@ def _scaled(header: Any, stored: NDArray[Any]) -> NDArray[Any]:
         small = limits.min <= int(values.min()) and int(values.max()) <= limits.max
         return values.astype(np.int16) if small else values
     return (stored * np.float64(slope) + np.float64(inter)).astype(np.float32)
-
-
-DATA_AT = 352
-"""The voxels begin at this byte, i fastest."""
 
 
 def nifti_header(

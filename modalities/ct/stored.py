@@ -28,6 +28,7 @@ EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
 """A voxel may lie this far from where its file says."""
 AXES = 3
+BLOCK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,6 @@ def odd_ones(names: Sequence[str], most: int = 3) -> str:
     """Return some names for a message: "a.dcm, b.dcm and 4 more"."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(names[:most])}{more}"
-
-
-BLOCK_BYTES = 1 << 20
 
 
 def named_file(header: Path, name: object) -> Path:

@@ -23,6 +23,22 @@ from endoct.modalities.ct.stored import SIGNS, Convention
 Point = tuple[float, float, float]
 LEAST_LENGTH_MM = 1.0
 NEARLY_ALONG = np.cos(np.radians(10))
+ENDS = ("entry", "target")
+EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
+FARTHEST_MM = 1e5
+PLACED = "defined"
+"""A point that somebody placed has this status."""
+_SCHEMA = (
+    "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
+    "markups-schema-v1.0.3.json#"
+)
+_CONVENTIONS: dict[object, Convention] = {"LPS": "lps", "RAS": "ras"}
+_OF_FCSV: dict[str, Convention] = {"lps": "lps", "ras": "ras", "0": "ras", "1": "lps"}
+"""The header's CoordinateSystem is a name from Slicer 4.11 on, and was a number before."""
+_FCSV_COLUMNS = ("id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatednodeid")
+_TURN = ("ow", "ox", "oy", "oz")
+_FCSV_STATUS = {"0": "undefined", "1": "preview", "2": PLACED, "3": "missing"}
+"""Slicer 5 writes the status as a number, after these columns and one more."""
 
 
 @dataclass(frozen=True)
@@ -66,24 +82,6 @@ def axes_at(origin_mm: Coordinates, inward: Coordinates) -> Coordinates:
     to_world[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
     to_world[:3, 3] = origin_mm
     return to_world
-
-
-ENDS = ("entry", "target")
-EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
-FARTHEST_MM = 1e5
-PLACED = "defined"
-"""A point that somebody placed has this status."""
-_SCHEMA = (
-    "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/"
-    "markups-schema-v1.0.3.json#"
-)
-_CONVENTIONS: dict[object, Convention] = {"LPS": "lps", "RAS": "ras"}
-_OF_FCSV: dict[str, Convention] = {"lps": "lps", "ras": "ras", "0": "ras", "1": "lps"}
-"""The header's CoordinateSystem is a name from Slicer 4.11 on, and was a number before."""
-_FCSV_COLUMNS = ("id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatednodeid")
-_TURN = ("ow", "ox", "oy", "oz")
-_FCSV_STATUS = {"0": "undefined", "1": "preview", "2": PLACED, "3": "missing"}
-"""Slicer 5 writes the status as a number, after these columns and one more."""
 
 
 @dataclass(frozen=True)

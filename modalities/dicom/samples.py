@@ -32,6 +32,23 @@ BIG_ENDIAN, IMPLICIT = "1.2.840.10008.1.2.2", ("", "1.2.840.10008.1.2")
 COPY = "copy it again"
 Fragment = tuple[int, int]
 """A fragment is its start and length, in bytes of the file."""
+LAYOUT = (
+    "SOPClassUID", "Modality", "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation",
+    "PlanarConfiguration", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "ExtendedOffsetTable",
+    "RedPaletteColorLookupTableDescriptor", "GreenPaletteColorLookupTableDescriptor",
+    "BluePaletteColorLookupTableDescriptor", "RedPaletteColorLookupTableData", "GreenPaletteColorLookupTableData",
+    "BluePaletteColorLookupTableData",
+)  # fmt: skip
+"""Samples cannot be read without these elements."""
+PLAIN = (*IMPLICIT, "1.2.840.10008.1.2.1", BIG_ENDIAN)
+STREAMS = tuple(f"1.2.840.10008.1.2.4.{number}{end}" for number in range(100, 109) for end in ("", ".1"))
+"""These transfer syntaxes are those of videos."""
+GREY = ("MONOCHROME1", "MONOCHROME2")
+COLOURS = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_RCT", "YBR_ICT")
+HALF_WIDTH = "YBR_FULL_422"
+"""Where these colours are not compressed, two pixels share their two: Y Y Cb Cr."""
+PALETTE = "PALETTE COLOR"
+MOST_FRAMES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,25 +165,6 @@ def _table(file: BufferedReader, header: "Dataset", start: int, length: int) -> 
         return []
     file.seek(start)
     return [int(offset) for offset in np.frombuffer(file.read(length), "<u4")]
-
-
-LAYOUT = (
-    "SOPClassUID", "Modality", "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation",
-    "PlanarConfiguration", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "ExtendedOffsetTable",
-    "RedPaletteColorLookupTableDescriptor", "GreenPaletteColorLookupTableDescriptor",
-    "BluePaletteColorLookupTableDescriptor", "RedPaletteColorLookupTableData", "GreenPaletteColorLookupTableData",
-    "BluePaletteColorLookupTableData",
-)  # fmt: skip
-"""Samples cannot be read without these elements."""
-PLAIN = (*IMPLICIT, "1.2.840.10008.1.2.1", BIG_ENDIAN)
-STREAMS = tuple(f"1.2.840.10008.1.2.4.{number}{end}" for number in range(100, 109) for end in ("", ".1"))
-"""These transfer syntaxes are those of videos."""
-GREY = ("MONOCHROME1", "MONOCHROME2")
-COLOURS = ("RGB", "YBR_FULL", "YBR_FULL_422", "YBR_RCT", "YBR_ICT")
-HALF_WIDTH = "YBR_FULL_422"
-"""Where these colours are not compressed, two pixels share their two: Y Y Cb Cr."""
-PALETTE = "PALETTE COLOR"
-MOST_FRAMES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,9 @@ FEWEST_PAIRS = 5
 """At least this many pairs of neighbouring frames must match. Fewer say nothing about the recording as a whole."""
 SURE_STRETCH = 3.0
 """The feed must be uneven by so many standard errors before another cone is assumed."""
+LARGEST = 0.1
+"""A larger offset, as a part of the bore's radius, is no probe off its axis but a drift that was measured wrongly."""
+MOST_TILT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,10 +209,6 @@ def _checked(answer: object, ours: Feed, name: str) -> Feed:
     )
 
 
-LARGEST = 0.1
-"""A larger offset, as a part of the bore's radius, is no probe off its axis but a drift that was measured wrongly."""
-
-
 @dataclass(frozen=True)
 class BoreAxis:
     """The bore's axis in the probe's frame, ``x_mm`` and ``y_mm`` along the image's columns and rows.
@@ -250,9 +249,6 @@ def probe_offsets(axis: BoreAxis | None, sway_rad: Coordinates, radius_mm: float
         "probe_offset_x_mm": -known * radius_mm * sway_rad[:, 1],
         "probe_offset_y_mm": known * radius_mm * sway_rad[:, 0],
     }
-
-
-MOST_TILT = 0.2
 
 
 @dataclass(frozen=True)

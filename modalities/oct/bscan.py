@@ -27,6 +27,16 @@ ROWS_TOGETHER = 32
 """So many rows of a page are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
 LEAST_SHARE = 1e-3
 """A smaller part of an A-scan at a sector's edge does not count."""
+MOST_COLUMNS = 2048
+JUDGED_ASCANS = 64
+SECTORS = 128
+WINDOW = 0.05
+"""This part of the depth is wider than the lines of sheath and capillary, and narrower than the visible tissue."""
+UPSIDE_DOWN = 0.4
+"""Depth runs the wrong way where fewer of the sectors brighten so, in the mean of several B-scans."""
+STEADY = 0.1
+"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and noise has
+bands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,10 +223,6 @@ def logarithmic(image: NDArray[Any], intensity: str) -> NDArray[Any]:
     return np.asarray(10 * np.log10(np.maximum(image, floor)), dtype=np.float32)
 
 
-MOST_COLUMNS = 2048
-JUDGED_ASCANS = 64
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedBscan(Frame):
     """A B-scan of which ``samples`` are means over sectors of the turn, (n_columns, depth), in the recording's type.
@@ -274,16 +280,6 @@ def _saturated(frame: Frame) -> bool:
         return False
     some = frame.samples[:: max(1, len(frame.samples) // JUDGED_ASCANS)]
     return 2 * int(np.count_nonzero(some == np.iinfo(some.dtype).max)) > some.size
-
-
-SECTORS = 128
-WINDOW = 0.05
-"""This part of the depth is wider than the lines of sheath and capillary, and narrower than the visible tissue."""
-UPSIDE_DOWN = 0.4
-"""Depth runs the wrong way where fewer of the sectors brighten so, in the mean of several B-scans."""
-STEADY = 0.1
-"""What nine in ten sectors reach at a depth is no tissue: the sheath fades with depth as tissue does, and noise has
-bands."""
 
 
 def share_brightening(bscan: Image) -> float:

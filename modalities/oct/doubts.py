@@ -60,6 +60,7 @@ a coronary pullback with a guide wire, and 0.07 and less in simulated recordings
 `hard`)."""
 LEAST_PLAIN = 0.3
 """Where less of the wall is plain, it is no drilled bore, and only its median counts."""
+FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
 @dataclass(frozen=True)
@@ -254,9 +255,6 @@ def _of_face(course: Course | None, stated: OctAcquisition) -> tuple[Doubt, ...]
 def _diameter(course: Course) -> str:
     low_mm, high_mm = course.range_mm
     return f"{course.diameter_mm:.2f} mm ({low_mm:.2f} to {high_mm:.2f})"
-
-
-FIRST_SAMPLE_TOLERANCE_MM = 0.2  # the glass alone delays the face by (n − 1)·t, 0.05–0.14 mm
 
 
 def notes_on_survey(faces: Faces, lines: FixedLines, acquisition: OctAcquisition) -> tuple[str, ...]:

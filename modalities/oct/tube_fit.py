@@ -47,6 +47,21 @@ Z, PITCH, THETA: z of the nominal z = 0, mm; true over stated pitch; θ of the a
 
 SWAY, BULGE: what an oblique beam makes of the radius, by the first and the second order of the offset. With these, the
 eccentricity says nothing of the scale."""
+N_KINDS = 4
+"""Surfaces are bore and groove, and both within a ring."""
+BEFORE_MM = 0.0015
+"""By how much half of the rise lies before the surface, as what returns falls off behind it. It is 0.0011 in the preset
+`tube`, seeds 30–43, and 0.0017 in independent recordings, seeds 10–23."""
+LEAST_BEAMS = 200
+BINS_PER_PX = 4
+DARK_MM = -0.1, -0.03
+"""Before the surface there is only noise between these."""
+BRIGHT_MM = 0.04
+"""The brightest lies at most so far behind the surface."""
+MOST_POWER = 10.0
+"""A glint counts for no more than so many times the median behind the surface."""
+NEAR_MM = 0.05
+"""Beams whose wall is found farther off the model than that see something else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,23 +170,6 @@ def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordin
     ]
     delay_mm = glass.path_mm - glass.thickness_mm
     return np.array([index * (np.median(np.array(true) - scale * np.array(stated)) + delay_mm)])
-
-
-N_KINDS = 4
-"""Surfaces are bore and groove, and both within a ring."""
-BEFORE_MM = 0.0015
-"""By how much half of the rise lies before the surface, as what returns falls off behind it. It is 0.0011 in the preset
-`tube`, seeds 30–43, and 0.0017 in independent recordings, seeds 10–23."""
-LEAST_BEAMS = 200
-BINS_PER_PX = 4
-DARK_MM = -0.1, -0.03
-"""Before the surface there is only noise between these."""
-BRIGHT_MM = 0.04
-"""The brightest lies at most so far behind the surface."""
-MOST_POWER = 10.0
-"""A glint counts for no more than so many times the median behind the surface."""
-NEAR_MM = 0.05
-"""Beams whose wall is found farther off the model than that see something else."""
 
 
 def kinds(marks: Marks) -> NDArray[np.intp]:

@@ -29,6 +29,9 @@ from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.faces import ripple_basis
 
+INSIDE_MM = 0.05
+OUTSIDE_PX = -10.0
+
 
 def beam_angles_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> tuple[Coordinates, Mask]:
     """Return the nominal angle of the A-scan that crosses the nominal bore surface at each ``theta_rad``.
@@ -145,10 +148,6 @@ def _bend_rad(calibration: OctCalibration, index: int, beam_rad: Coordinates) ->
     """By how much the glass turns the beams at ``beam_rad``; 0 where the glass is not known."""
     face = calibration.capillary.circle(index)
     return calibration.glass.bend_rad(np.asarray(face.x_mm * np.sin(beam_rad) - face.y_mm * np.cos(beam_rad)))
-
-
-INSIDE_MM = 0.05
-OUTSIDE_PX = -10.0
 
 
 def volume_radii_mm(calibration: OctCalibration) -> Coordinates:

@@ -54,6 +54,13 @@ from endoct.modalities.reading.remarks import NONE, Remarks
 
 RADIUS_WITHIN = 0.02
 """The stated radius may differ from half a side by this share of it."""
+OCT_CONTENT = "IntravascularOCTFrameContentSequence"
+LEAST_TURN = 2
+ONE_DEGREE = 1.0
+_MADE_POLAR = (
+    "Round cross-sections for presentation were made polar: whether samples are logarithmic is not known, and export "
+    "for processing loses nothing."
+)
 
 
 @dataclass(frozen=True)
@@ -121,11 +128,6 @@ class ReadPolar:
         angle = (2 * np.pi * np.arange(n_ascans) / n_ascans).astype(np.float32)
         x, y = middle + radius * np.sin(angle), middle - radius * np.cos(angle)
         return np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-
-
-OCT_CONTENT = "IntravascularOCTFrameContentSequence"
-LEAST_TURN = 2
-ONE_DEGREE = 1.0
 
 
 @dataclass(frozen=True)
@@ -222,12 +224,6 @@ def _pullback(recording: DicomRecording) -> tuple[Frames, dict[str, Any]]:
     remarks += _on_turns(recording, turns[kept], n_ascans)
     read = ReadTurns(frames[kept], turns[kept], n_ascans, linear)
     return Frames(len(read.frames), read, travel.along, remarks), keys
-
-
-_MADE_POLAR = (
-    "Round cross-sections for presentation were made polar: whether samples are logarithmic is not known, and export "
-    "for processing loses nothing."
-)
 
 
 def _not_polar(path: Path) -> EndoctError:

@@ -22,6 +22,15 @@ LEAST_USUAL = 0.5
 MOST_DRIFT_SHARE = 0.01
 MOST_DRIFT = 0.5
 """Where all frames lie evenly, one may lie this share of the usual step off its place."""
+GAP_STEPS = 1.5
+OTHER_PITCH = 0.05
+"""The millimetres in names may differ from the pitch of the sidecar by this share."""
+OTHER_RATE = 0.02
+"""Time stamps that differ from the frame rate of the sidecar by no more than this share are of that rate."""
+MOST_MISSING = 3
+"""Where there are more than this many times as many places as frames, numbers rather begin anew than count missing
+frames."""
+Positions = tuple[float, ...] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,19 +80,6 @@ def _usual(steps: Coordinates) -> float:
     if counts.max() >= LEAST_REGULAR * steps.size:
         return float(values[np.argmax(counts)])
     return float(np.median(steps))
-
-
-GAP_STEPS = 1.5
-OTHER_PITCH = 0.05
-"""The millimetres in names may differ from the pitch of the sidecar by this share."""
-OTHER_RATE = 0.02
-"""Time stamps that differ from the frame rate of the sidecar by no more than this share are of that rate."""
-
-MOST_MISSING = 3
-"""Where there are more than this many times as many places as frames, numbers rather begin anew than count missing
-frames."""
-
-Positions = tuple[float, ...] | None
 
 
 @dataclass(frozen=True, eq=False)

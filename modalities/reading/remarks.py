@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from endoct.base.doubt import Doubt
 
+MOST_NAMES = 4
+
 
 @dataclass(frozen=True)
 class Remarks:
@@ -20,7 +22,6 @@ class Remarks:
 
 NONE = Remarks()
 """There is nothing to be said."""
-MOST_NAMES = 4
 
 
 def remarks_of(stream: object) -> Remarks:

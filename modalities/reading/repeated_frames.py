@@ -22,6 +22,12 @@ from endoct.modalities.reading.remarks import NONE, Remarks
 
 _BLOCK = 4096
 _PARTS = 2
+ROWS, COLUMNS = 16, 1024
+"""So many rows and columns of a frame are looked at at first, which takes 20 µs."""
+MOST_CONFIRMED = 16
+"""So many pairs are compared sample by sample, for which their frames are read again."""
+PLAIN = b""
+"""This stands for a frame of one value, which repeats nothing."""
 
 
 def sets_of_equal(files: Sequence[Path]) -> list[list[Path]]:
@@ -65,14 +71,6 @@ def _digest(file: Path) -> str:
     with suppress(EndoctError, OSError):
         return sha256_of(file)
     return ""
-
-
-ROWS, COLUMNS = 16, 1024
-"""So many rows and columns of a frame are looked at at first, which takes 20 µs."""
-MOST_CONFIRMED = 16
-"""So many pairs are compared sample by sample, for which their frames are read again."""
-PLAIN = b""
-"""This stands for a frame of one value, which repeats nothing."""
 
 
 def fingerprint(frame: NDArray[Any]) -> bytes:

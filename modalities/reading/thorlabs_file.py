@@ -28,6 +28,7 @@ _SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
 _ROOT = re.compile(rf"<\s*{ROOT}\b")
 _FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")
 _STORAGE = "in ThorImage choose, under Settings, to store processed data or raw spectra, and save it again"
+Split = list[tuple[tuple[int, int] | None, tuple[int, int]]]
 
 
 @dataclass(frozen=True)
@@ -199,9 +200,6 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
         remarks += doubted("thorlabs-count", what, n_ascans, header.size_x)
     dtype = np.dtype("<i2" if header.is_signed else "<u2")
     return _described(Container(path, header, members, "raw", dtype, n_samples, places, None, remarks), files[-1])
-
-
-Split = list[tuple[tuple[int, int] | None, tuple[int, int]]]
 
 
 def _regions(file: DataFile, header: Header, path: Path, *, all_in_one: bool) -> Split:

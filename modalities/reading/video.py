@@ -44,6 +44,16 @@ if TYPE_CHECKING:
 RECENT_FRAMES = 8
 """So many decoded frames are kept, since threads ask for neighbours in any order; fewer where frames are very large."""
 MOST_FRAMES = 1_000_000
+STAMP_JITTER = 0.1
+"""Time stamps of a video jitter by this share of the usual step. Where they do by more, frames were taken at uneven
+times."""
+SHORTEST_STEP_S, LONGEST_STEP_S = 1e-5, 100.0
+"""Frames of a camera lie between these apart; a file whose time stamps lie otherwise states no rate."""
+_ORIENTATIONS = {
+    (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
+    (0, -1, 1, 0): 8,
+}  # fmt: skip
+"""The orientation follows from the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,18 +204,6 @@ def _taken(times: NDArray[np.int64], walk: _Walk, unedited: _Walk | None) -> tup
         what = "The video's edit list shows frames in another order than they were recorded in; that order was taken."
         return displayed, remarks + Remarks(doubts=(Doubt("video-edited", what),))
     return taken, remarks
-
-
-STAMP_JITTER = 0.1
-"""Time stamps of a video jitter by this share of the usual step. Where they do by more, frames were taken at uneven
-times."""
-SHORTEST_STEP_S, LONGEST_STEP_S = 1e-5, 100.0
-"""Frames of a camera lie between these apart; a file whose time stamps lie otherwise states no rate."""
-_ORIENTATIONS = {
-    (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
-    (0, -1, 1, 0): 8,
-}  # fmt: skip
-"""The orientation follows from the signs of x' = a·x + c·y, y' = b·x + d·y, as (a, b, c, d); y runs down."""
 
 
 class ReadVideo:

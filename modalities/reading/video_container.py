@@ -18,6 +18,17 @@ from endoct.base.files.files import check_array_size, largest_array_bytes, open_
 if TYPE_CHECKING:
     import av
 
+VIDEO_SUFFIXES = (".mkv", ".mp4", ".avi", ".mov", ".webm", ".m4v", ".3gp")
+PIXEL_BYTES = 8
+"""A decoded pixel takes no more bytes than this, in any format."""
+READ_AHEAD_BYTES = 1 << 18
+QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+_STILL_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc", b"crx ")
+"""Files of these brands are photographs in the container of MP4."""
+_SEGMENT = b"\x18\x53\x80\x67"
+_MOST_ATOMS = 10_000
+_MOST_MOOV_BYTES = 64_000_000
+
 
 @dataclass(frozen=True)
 class FilePart:
@@ -92,18 +103,6 @@ class _Pieces(io.RawIOBase):
         buffer[: len(data)] = data
         self._at += len(data)
         return len(data)
-
-
-VIDEO_SUFFIXES = (".mkv", ".mp4", ".avi", ".mov", ".webm", ".m4v", ".3gp")
-PIXEL_BYTES = 8
-"""A decoded pixel takes no more bytes than this, in any format."""
-READ_AHEAD_BYTES = 1 << 18
-QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-_STILL_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc", b"crx ")
-"""Files of these brands are photographs in the container of MP4."""
-_SEGMENT = b"\x18\x53\x80\x67"
-_MOST_ATOMS = 10_000
-_MOST_MOOV_BYTES = 64_000_000
 
 
 def is_video(path: Path) -> bool:

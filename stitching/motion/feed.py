@@ -22,6 +22,14 @@ from endoct.base.numeric.ranks import error_of_median
 from endoct.stitching.motion.matching import FEWEST_FOR_FIXED_PATTERN, Matcher, Pairs, Strips, keep_textures
 from endoct.stitching.motion.warp import Texture
 
+EDGE_MM = 0.06
+MEASUREMENT_MM = 0.004
+MEASUREMENT_RAD = 0.002
+ROLL_PRIOR_RAD = 0.1
+SWAY_PRIOR_RAD = 0.005
+UNKNOWN = (0.0, float("inf"))
+MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the numbers
+
 
 def robust_chain(
     prior: Coordinates,
@@ -64,15 +72,6 @@ def robust_chain(
             break
     step, value, trusted = links[0]
     return place, ~trusted | (np.abs(misfit(step, value)) <= 6 * sigma)
-
-
-EDGE_MM = 0.06
-MEASUREMENT_MM = 0.004
-MEASUREMENT_RAD = 0.002
-ROLL_PRIOR_RAD = 0.1
-SWAY_PRIOR_RAD = 0.005
-UNKNOWN = (0.0, float("inf"))
-MOST_LOST_FRAMES = 2  # in a row, that a recorder dropped without a gap in the numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,13 @@ AT_A_TIME = 2**20
 """Samples that are worked on together, of a few whole strips or of one part of all."""
 LEAST_PART = 256
 """Samples of a part, at least: reading smaller ones takes longer than the work on them."""
+LEAST_OVERLAP = 0.15
+LEAST_CORRELATION = 0.3
+LEAST_RATIO = 1.3
+PEAK_MM = 0.3
+LATEST = 8
+"""So many strips and spectra are held, so that each is read, and transformed, once for all its pairs."""
+Windows = list[tuple[float, float]]
 
 
 class Strips(Protocol):
@@ -117,16 +124,6 @@ def _nanmedians(values: Image, whole: bool) -> Image:
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
     middle = ordered[np.arange(count.size), np.maximum((count - 1) // 2, 0)]
     return np.where(count > 0, middle, np.float32(0))
-
-
-LEAST_OVERLAP = 0.15
-LEAST_CORRELATION = 0.3
-LEAST_RATIO = 1.3
-PEAK_MM = 0.3
-LATEST = 8
-"""So many strips and spectra are held, so that each is read, and transformed, once for all its pairs."""
-
-Windows = list[tuple[float, float]]
 
 
 @dataclass(frozen=True, eq=False)

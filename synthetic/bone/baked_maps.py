@@ -28,6 +28,14 @@ from endoct.synthetic.sample.parameters import Cell, Sample
 DEEPEST_MM = 2.5
 OPEN_MM = 0.01
 """A cell is open where the first surface lies this much beyond the bore's own wall."""
+SHARE_ELSEWHERE = 2
+"""Another process takes so many jobs for each that this one does, which has more to load and other work besides."""
+Job = tuple[NDArray[np.intp], NDArray[np.int64]]
+"""Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
+Traced = tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]
+"""The nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
+TracedElsewhere = Sequence[Callable[[], list[Traced]]]
+"""Each returns what :func:`part_of_wall` makes of part 0, 1, … of as many, once another process has made it."""
 
 
 def _blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
@@ -95,17 +103,6 @@ def _no_cells(n: int) -> Near:
     """Return rays without any planted cavity."""
     nothing = cavities((), 1.0)
     return near(nothing, np.zeros((1, 0), np.intp), np.zeros((n, 3)), np.zeros((n, 3)), np.float32)
-
-
-SHARE_ELSEWHERE = 2
-"""Another process takes so many jobs for each that this one does, which has more to load and other work besides."""
-
-Job = tuple[NDArray[np.intp], NDArray[np.int64]]
-"""Nodes (n,) to trace together, and the cells at each, (n, k), or (1, 1) where it is the same one."""
-Traced = tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]
-"""The nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
-TracedElsewhere = Sequence[Callable[[], list[Traced]]]
-"""Each returns what :func:`part_of_wall` makes of part 0, 1, … of as many, once another process has made it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,10 @@ TABLE = 2048
 
 They are evenly spaced along a square about the axis, as a place on that takes no arctangent.
 """
+Indices = NDArray[np.intp]
+Scalar = TypeVar("Scalar", bound=np.generic)
+OWN_SIDE = 0.3  # A cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite.
+DUST_RIPPLE_MM = 0.004
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +139,6 @@ def _outline(cell: Cell, angle: np.ndarray) -> np.ndarray:
     for k, (cos, sin) in enumerate(cell.outline, FIRST_HARMONIC):
         outline += cos * np.cos(k * angle) + sin * np.sin(k * angle)
     return outline
-
-
-Indices = NDArray[np.intp]
-Scalar = TypeVar("Scalar", bound=np.generic)
-
-OWN_SIDE = 0.3  # A cosine: a cavity counts only on its own side of the bore, not where it would leave it opposite.
-DUST_RIPPLE_MM = 0.004
 
 
 @dataclass(frozen=True, eq=False)

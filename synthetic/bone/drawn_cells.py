@@ -22,6 +22,24 @@ from endoct.synthetic.bone.rays import fan, patch
 from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.sample.parameters import Bore, Cell, Harmonic
 
+MOST_CELL_FRACTION = 0.295
+LEEWAY = 0.02
+"""Up to the first is cut away of a wall; where a larger fraction was chosen, up to this much more than that."""
+STEP_MM = 0.02
+COLUMNS = 512
+HOLE_TRIES = 20
+"""So many holes are tried for each mm² to be cut away, and ten times as many besides."""
+MOST_LEAN_RAD = 0.6
+CELL_TRIES = 120
+"""So many cells are tried for each mm² to be cut away, and ten times as many besides."""
+SEED_SHARE = 0.12
+"""This share of the cells starts a group of its own."""
+MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45
+"""Openings are log-normal, with this median and this σ of their logarithm."""
+SMALLER_AFTER = 12
+"""Each time so many tries were in vain, cells are drawn a tenth smaller."""
+HARMONICS = 4
+
 
 def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
     """Draw planted cells until ``bore.cell_fraction`` of the wall is cut away, or at most 0.02 more, never over 0.295.
@@ -31,13 +49,6 @@ def draw_cells(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
     if bore.bone == "phantom":
         return draw_holes(rng, bore)
     return draw_network(rng, bore) if bore.bone == "mastoid" else ()
-
-
-MOST_CELL_FRACTION = 0.295
-LEEWAY = 0.02
-"""Up to the first is cut away of a wall; where a larger fraction was chosen, up to this much more than that."""
-STEP_MM = 0.02
-COLUMNS = 512
 
 
 @dataclass(eq=False)
@@ -118,11 +129,6 @@ def drawn_contents(rng: Generator, bore: Bore, depth_mm: float) -> dict[str, obj
     }
 
 
-HOLE_TRIES = 20
-"""So many holes are tried for each mm² to be cut away, and ten times as many besides."""
-MOST_LEAN_RAD = 0.6
-
-
 def draw_holes(rng: Generator, bore: Bore) -> tuple[Cell, ...]:
     """Draw holes until the wanted part of the wall is cut away.
 
@@ -157,17 +163,6 @@ def _hole(rng: Generator, bore: Bore) -> Cell:
         outline=drawn_outline(rng, 0.08, 6),
         **contents,
     )
-
-
-CELL_TRIES = 120
-"""So many cells are tried for each mm² to be cut away, and ten times as many besides."""
-SEED_SHARE = 0.12
-"""This share of the cells starts a group of its own."""
-MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45
-"""Openings are log-normal, with this median and this σ of their logarithm."""
-SMALLER_AFTER = 12
-"""Each time so many tries were in vain, cells are drawn a tenth smaller."""
-HARMONICS = 4
 
 
 def draw_network(rng: Generator, bore: Bore) -> tuple[Cell, ...]:

@@ -24,6 +24,16 @@ Vectors = tuple[Numbers, Numbers, Numbers]
 """Vectors are x, y and z, (n,) each."""
 EDGE_MM = 0.012
 """The rim of an opening is rounded over this, as those of planted cells are."""
+Number = TypeVar("Number", np.float32, np.int32)
+REACH_MM = 4.2
+"""The field ends this far from the axis, as far as the OCT's beams are followed; beyond, it goes on as it is there."""
+FILLINGS_STREAM, DETAIL_STREAM = 101, 102
+"""These are the wall's generators that draw fillings and detail, beyond those of its textures."""
+DETAIL_NODES, DETAIL_STEP_MM, DETAIL_SIGMA_NODES = 64, 0.02, 1.5
+WALL_PLACES = 64
+NETWORK_STEP_MM, VOLUME_STEPS_MM = 0.06, (0.04, 0.1)
+FILLED_EVERY = 3
+"""The extent of a cell is looked up at every third node along each axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,19 +114,6 @@ def joined_with_bore(bore_mm: Numbers, field_mm: Numbers) -> Numbers:
     """Return the clearance of the bore and of the air in bone together, rounded where both surfaces meet."""
     blend = np.maximum(EDGE_MM - np.abs(bore_mm - field_mm), 0)
     return np.asarray(np.maximum(bore_mm, field_mm) + blend * blend / (4 * EDGE_MM))
-
-
-Number = TypeVar("Number", np.float32, np.int32)
-
-REACH_MM = 4.2
-"""The field ends this far from the axis, as far as the OCT's beams are followed; beyond, it goes on as it is there."""
-FILLINGS_STREAM, DETAIL_STREAM = 101, 102
-"""These are the wall's generators that draw fillings and detail, beyond those of its textures."""
-DETAIL_NODES, DETAIL_STEP_MM, DETAIL_SIGMA_NODES = 64, 0.02, 1.5
-WALL_PLACES = 64
-NETWORK_STEP_MM, VOLUME_STEPS_MM = 0.06, (0.04, 0.1)
-FILLED_EVERY = 3
-"""The extent of a cell is looked up at every third node along each axis."""
 
 
 def build_field(sample: Sample) -> Field:

@@ -24,6 +24,18 @@ FLAT_MM = 0.02
 """Where the wall is steep, places on a sample's own facet are at most this far from the sample's relief."""
 
 Indices = NDArray[np.int32]
+RAYS = 48
+STEP_MM = 0.03
+OFF_MM = 0.004
+"""A ray starts this far above its facet."""
+LONGEST_STEPS = 120
+"""A ray along the wall is taken to leave the bore after this many steps."""
+RAYS_AT_ONCE = 2**16
+GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
+WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)
+"""Steps to the neighbours of a sample, in z and in θ."""
+LOOKS = 8
+"""The wall between two samples is looked at this often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,16 +127,6 @@ def neighbours(relief: Image) -> tuple[Image, Image, Image, Image]:
     """Return the relief at smaller and larger z, at smaller and larger θ."""
     wide = np.pad(relief, ((1, 1), (0, 0)), mode="edge")
     return wide[:-2], wide[2:], np.roll(relief, 1, axis=1), np.roll(relief, -1, axis=1)
-
-
-RAYS = 48
-STEP_MM = 0.03
-OFF_MM = 0.004
-"""A ray starts this far above its facet."""
-LONGEST_STEPS = 120
-"""A ray along the wall is taken to leave the bore after this many steps."""
-RAYS_AT_ONCE = 2**16
-GOLDEN_RAD = math.pi * (3 - math.sqrt(5))
 
 
 def seen_facets(grid: FacetGrid, places: tuple[Image, ...], slopes: tuple[Image, Image]) -> Indices:
@@ -226,12 +228,6 @@ def _facet(grid: FacetGrid, places: Image) -> Indices:
     row = np.clip(np.rint(grid.row(z_mm)).astype(np.intp), 0, n_z - 1)
     sample = row * n_theta + np.mod(np.rint(grid.column(_azimuth(x, y))).astype(np.intp), n_theta)
     return grid.facets_at(sample, np.sqrt(x * x + y * y) - np.float32(grid.radius_mm))
-
-
-WAYS = (-1, 0), (1, 0), (0, -1), (0, 1)
-"""Steps to the neighbours of a sample, in z and in θ."""
-LOOKS = 8
-"""The wall between two samples is looked at this often."""
 
 
 @dataclass(frozen=True, eq=False)

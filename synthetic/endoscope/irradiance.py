@@ -42,6 +42,18 @@ LEAST = 1e-3
 """What must be positive where light goes over the mirror is at least this, in mm or relative."""
 PENUMBRA = 5.0
 """A shadow's edge goes from light to dark for one fibre over about the distance between two fibres."""
+EVERY_COLUMN = 2
+"""Columns of the wall's maps to one of the shade's."""
+REACH = 1.2
+"""Bone that may cast a shadow is searched this far along the bore, in mm for each mm of depth. No light comes in at a
+steeper slant."""
+GROWS = 1.1
+"""Distances that are looked at lie one row apart at first, then in this ratio."""
+COLUMNS_AT_ONCE = 64
+BOUNCES = 5
+MOST_ALBEDO = 0.95
+REACH_MM = 2.0
+"""Light is followed this far along the bore beyond the visible band."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +145,6 @@ def _bright_side(camera: Endoscope, frame_index: int, x: Image, y: Image, rho: I
     )
 
 
-EVERY_COLUMN = 2
-"""Columns of the wall's maps to one of the shade's."""
-REACH = 1.2
-"""Bone that may cast a shadow is searched this far along the bore, in mm for each mm of depth. No light comes in at a
-steeper slant."""
-GROWS = 1.1
-"""Distances that are looked at lie one row apart at first, then in this ratio."""
-COLUMNS_AT_ONCE = 64
-
-
 def shade_of(wall: WallMaps) -> Image:
     """Return the steepest rise of bone towards the bore's axis, mm/mm, float32 (n_z, n_theta/2, 2).
 
@@ -172,12 +174,6 @@ def _distances(most: int) -> list[int]:
         rows.append(int(at))
         at = max(at + 1, at * GROWS)
     return rows
-
-
-BOUNCES = 5
-MOST_ALBEDO = 0.95
-REACH_MM = 2.0
-"""Light is followed this far along the bore beyond the visible band."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,9 @@ CONTACT_SHADE = 0.5
 CONTACT_REACH = 1.3
 """The shade around a crumb reaches this many of its radii."""
 OBSCURED = 0.2
+METERED_FRAMES = 3
+METERED_EVERY = 3
+"""Rows of the image to one in which the light is measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +205,6 @@ def obscured(camera: Endoscope, wall: WallMaps, pixels: View, hits: Hits) -> Mas
         around = wall.radius_mm * (np.mod(theta[near] - crumb.theta_rad + np.pi, 2 * np.pi) - np.pi)
         hidden[near] |= (z_mm[near] - crumb.z_mm) ** 2 + around**2 < size_mm**2
     return hidden
-
-
-METERED_FRAMES = 3
-METERED_EVERY = 3
-"""Rows of the image to one in which the light is measured."""
 
 
 @dataclass(frozen=True, eq=False)

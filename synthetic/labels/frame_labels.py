@@ -20,6 +20,17 @@ from endoct.synthetic.model import Model
 
 SAME_PLACE_MM = 0.05
 """A pixel covers up to 0.02 mm of the wall; farther away lies something else, as the floor next to a lip."""
+PIXEL = ("frame", "row", "column")
+MAPS = {
+    "z_mm": (PIXEL, "f4", "where the pixel ends on the wall: z, mm from the mouth; NaN outside the annulus"),
+    "theta_rad": (PIXEL, "f4", "and θ in the bore frame, rad"),
+    "depth_mm": (PIXEL, "f4", "and depth below the nominal wall, mm"),
+    "cell_id": (PIXEL, "i4", "1 + index of the cell in sample.json, 0 on the bore's own wall and outside the annulus"),
+    "obscured": (PIXEL, "b1", "dirt, a droplet or a crumb lies over it"),
+    "valid": (PIXEL, "b1", "the pixel sees the wall"),
+    "oct_slice": (PIXEL, "f4", "slice that looks at the same place, in the order recorded, fractional; NaN for none"),
+    "oct_ascan": (PIXEL, "f4", "A-scan of that slice, fractional"),
+}
 
 
 def ascans_of_places(pullback: Pullback, z_mm: Coordinates, theta_rad: Coordinates) -> tuple[Image, Image]:
@@ -59,19 +70,6 @@ def cartesian_mm(z_mm: Image, theta_rad: Image, radius_mm: Image) -> Coordinates
     """Return places of the wall, arrays of one shape, as float64 (…, 3): x, y, z in the bore frame."""
     radius = radius_mm.astype(np.float64)
     return np.stack([radius * np.cos(theta_rad), radius * np.sin(theta_rad), z_mm], axis=-1).astype(np.float64)
-
-
-PIXEL = ("frame", "row", "column")
-MAPS = {
-    "z_mm": (PIXEL, "f4", "where the pixel ends on the wall: z, mm from the mouth; NaN outside the annulus"),
-    "theta_rad": (PIXEL, "f4", "and θ in the bore frame, rad"),
-    "depth_mm": (PIXEL, "f4", "and depth below the nominal wall, mm"),
-    "cell_id": (PIXEL, "i4", "1 + index of the cell in sample.json, 0 on the bore's own wall and outside the annulus"),
-    "obscured": (PIXEL, "b1", "dirt, a droplet or a crumb lies over it"),
-    "valid": (PIXEL, "b1", "the pixel sees the wall"),
-    "oct_slice": (PIXEL, "f4", "slice that looks at the same place, in the order recorded, fractional; NaN for none"),
-    "oct_ascan": (PIXEL, "f4", "A-scan of that slice, fractional"),
-}
 
 
 def write_endoscope_labels(

@@ -23,6 +23,40 @@ from endoct.synthetic.oct.spectrometer import spectrometer
 from endoct.synthetic.sample.parameters import Sample
 from endoct.synthetic.sample.presets import PRESETS
 
+FLAGS = (
+    "1 capillary face or its ghost",
+    "2 sheath or catheter",
+    "4 detector line",
+    "8 autocorrelation",
+    "16 saturated A-scan",
+)
+FACE, CATHETER, DETECTOR, AUTOCORRELATION, SATURATED = 1, 2, 4, 8, 16
+FAINTEST_DB = 0.0
+"""Artefacts fainter than the noise are not visible and are not labelled."""
+ASCAN = ("slice", "ascan")
+LAYERS = {
+    "theta_rad": (ASCAN, "f4", "where the beam meets the first solid surface: θ in the bore frame, rad"),
+    "z_mm": (ASCAN, "f4", "and z, mm from the mouth"),
+    "radius_mm": (ASCAN, "f4", "and its distance from the bore's axis; NaN where none is within reach"),
+    "inner_face_row": (ASCAN, "f4", "depth sample of the capillary's inner face"),
+    "outer_face_row": (ASCAN, "f4", "depth sample of the capillary's outer face"),
+    "fluid_row": (ASCAN, "f4", "depth sample of a fluid's surface, NaN where there is none"),
+    "surface_row": (ASCAN, "f4", "depth sample of the first solid surface, may lie beyond the last sample"),
+    "exit_row": (ASCAN, "f4", "depth sample at which the beam leaves a thin septum, NaN where it does not"),
+    "reentry_row": (ASCAN, "f4", "depth sample at which it meets bone again"),
+    "cell_id": (ASCAN, "i4", "1 + index in sample.json of the cell whose surface it is, 0 on the bore's own wall"),
+    "dust": (ASCAN, "b1", "the surface is bone dust"),
+    "shadow_db": (ASCAN, "f4", "light lost to dirt on the capillary, dB"),
+}
+OTHERS = {
+    "artefact": (("slice", "depth", "ascan"), "u1", "what is not bone, bit flags: " + ", ".join(FLAGS)),
+    "frame": (ASCAN, "i4", "endoscope frame that sees the same place most squarely, −1 for none"),
+    "frame_row": (ASCAN, "i4", "row of the pixel in that frame, −1 for none"),
+    "frame_column": (ASCAN, "i4", "column of the pixel in that frame, −1 for none"),
+}
+Described = Mapping[str, tuple[tuple[str, ...], str, str]]
+"""Name → (dims, dtype, what it is)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pullback:
@@ -80,18 +114,6 @@ def _of_slice(sample: Sample, echoes: Echoes) -> Pullback:
     )
 
 
-FLAGS = (
-    "1 capillary face or its ghost",
-    "2 sheath or catheter",
-    "4 detector line",
-    "8 autocorrelation",
-    "16 saturated A-scan",
-)
-FACE, CATHETER, DETECTOR, AUTOCORRELATION, SATURATED = 1, 2, 4, 8, 16
-FAINTEST_DB = 0.0
-"""Artefacts fainter than the noise are not visible and are not labelled."""
-
-
 def artefacts(model: Model, slice_index: int) -> NDArray[np.uint8]:
     """Return the bit ``FLAGS`` of artefacts brighter than the noise, u8 (depth, A-scan).
 
@@ -130,29 +152,6 @@ def _draw(flags: NDArray[np.uint8], delay_px: Coordinates, visible: Mask, n: int
         flags[at[drawn], drawn] |= kind
 
 
-ASCAN = ("slice", "ascan")
-LAYERS = {
-    "theta_rad": (ASCAN, "f4", "where the beam meets the first solid surface: θ in the bore frame, rad"),
-    "z_mm": (ASCAN, "f4", "and z, mm from the mouth"),
-    "radius_mm": (ASCAN, "f4", "and its distance from the bore's axis; NaN where none is within reach"),
-    "inner_face_row": (ASCAN, "f4", "depth sample of the capillary's inner face"),
-    "outer_face_row": (ASCAN, "f4", "depth sample of the capillary's outer face"),
-    "fluid_row": (ASCAN, "f4", "depth sample of a fluid's surface, NaN where there is none"),
-    "surface_row": (ASCAN, "f4", "depth sample of the first solid surface, may lie beyond the last sample"),
-    "exit_row": (ASCAN, "f4", "depth sample at which the beam leaves a thin septum, NaN where it does not"),
-    "reentry_row": (ASCAN, "f4", "depth sample at which it meets bone again"),
-    "cell_id": (ASCAN, "i4", "1 + index in sample.json of the cell whose surface it is, 0 on the bore's own wall"),
-    "dust": (ASCAN, "b1", "the surface is bone dust"),
-    "shadow_db": (ASCAN, "f4", "light lost to dirt on the capillary, dB"),
-}
-OTHERS = {
-    "artefact": (("slice", "depth", "ascan"), "u1", "what is not bone, bit flags: " + ", ".join(FLAGS)),
-    "frame": (ASCAN, "i4", "endoscope frame that sees the same place most squarely, −1 for none"),
-    "frame_row": (ASCAN, "i4", "row of the pixel in that frame, −1 for none"),
-    "frame_column": (ASCAN, "i4", "column of the pixel in that frame, −1 for none"),
-}
-
-
 def write_oct_labels(
     folder: Path,
     model: Model,
@@ -184,10 +183,6 @@ def write_oct_labels(
             arrays["artefact"][i] = flags
             advance((i + 1) / size.n_slices)
     consolidate(folder / "oct.zarr")
-
-
-Described = Mapping[str, tuple[tuple[str, ...], str, str]]
-"""Name → (dims, dtype, what it is)."""
 
 
 class Writable(Protocol):

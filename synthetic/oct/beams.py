@@ -26,6 +26,8 @@ from endoct.synthetic.sample.presets import PRESETS
 FLUID_INDEX = 1.33
 BONE_INDEX = 1.55
 """Refractive index of cortical bone near 1300 nm."""
+FWHM = 2 * math.sqrt(2 * math.log(2))
+"""Full width at half maximum of a Gaussian, over its σ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,10 +248,6 @@ def _shadow_db(oct_: Oct, z_mm: Coordinates, face_rad: Coordinates) -> Coordinat
         around = wrap_rad(face_rad - dirt.theta_rad) / dirt.sigma_theta_rad
         loss += dirt.loss_db * np.exp(-((0.5 * (along**2 + around**2)) ** 2))
     return loss
-
-
-FWHM = 2 * math.sqrt(2 * math.log(2))
-"""Full width at half maximum of a Gaussian, over its σ."""
 
 
 def rayleigh_mm(oct_: Oct) -> float:

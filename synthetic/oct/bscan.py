@@ -35,6 +35,12 @@ from endoct.synthetic.sample.randomness import Stage, generator
 
 FINER = 4
 """The field is worked out at so many places a sample of the spectrum, to be read between them."""
+SAMPLES, CHIRP, OFFSET = "spectra.bin", "Chirp.bin", "Offset.bin"
+CHAIN = (
+    "counts x electrons_per_count, minus Offset.bin, minus the mean over the A-scans of a slice; interpolate the "
+    "values, which lie at Chirp.bin, at 0, 1, ... samples - 1; Hann window; FFT; keep the first half; squared "
+    "magnitude; 10 log10"
+)
 
 
 def render_bscan(sample: Sample, wall: Wall, appearance: Appearance, slice_index: int) -> NDArray[np.uint8]:
@@ -178,14 +184,6 @@ def ascan_echoes(sample: Sample, wall: Wall, slice_index: int) -> Echoes:
     """Return what the beam of every A-scan recorded of a slice meets."""
     position = stream_position(sample.oct, slice_index, PRESETS[sample.preset].n_ascans)
     return trace(sample, wall.scene, slice_index, position.astype(np.float64))
-
-
-SAMPLES, CHIRP, OFFSET = "spectra.bin", "Chirp.bin", "Offset.bin"
-CHAIN = (
-    "counts x electrons_per_count, minus Offset.bin, minus the mean over the A-scans of a slice; interpolate the "
-    "values, which lie at Chirp.bin, at 0, 1, ... samples - 1; Hann window; FFT; keep the first half; squared "
-    "magnitude; 10 log10"
-)
 
 
 def write_spectra(

@@ -36,6 +36,19 @@ LINES = ((0.0, 0.0), (6.0, -9.0))
 """Rows and dB from the detector's line: it has a weaker companion. Real ones are some ten rows wide."""
 LINE = 1000
 """The stream of the line's phases, beyond those of reflectors."""
+FLUID_DB = -2.4
+"""A fluid's surface returns 2 % of the light, against 3.5 % of glass (Fresnel)."""
+NO_GLINT_DB = -20.0
+"""A specular spot is one brighter than this."""
+INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3
+"""Streams of the levels of both faces, of the catheter's exit, and of the sheath's first line."""
+N_FACES, N_GHOSTS = 2, 3
+N_NODES = 512
+"""So many nodes lie around the sheath, closer than the spot is wide out of its focus."""
+SOFT_PX = 1.5
+"""A band begins and ends over this."""
+MOST_PX = 64
+"""Scatterers of a band are drawn for so many axial pixels, whatever its thickness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,15 +136,6 @@ def _powers(wave: NDArray[np.complex128], n: int) -> Field:
     return powers
 
 
-FLUID_DB = -2.4
-"""A fluid's surface returns 2 % of the light, against 3.5 % of glass (Fresnel)."""
-NO_GLINT_DB = -20.0
-"""A specular spot is one brighter than this."""
-INNER, OUTER, EXIT, SHEATH = 0, 1, 2, 3
-"""Streams of the levels of both faces, of the catheter's exit, and of the sheath's first line."""
-N_FACES, N_GHOSTS = 2, 3
-
-
 def reflectors(sweep: Sweep) -> tuple[list[Coordinates], list[Coordinates]]:
     """Return optical path, mm, and level in dB, before roll-off, of everything thin; each a value a column.
 
@@ -201,14 +205,6 @@ def fading_db(sweep: Sweep, line: int) -> Coordinates:
     course = around(rng, sweep.turn, 0.08)
     fading: Coordinates = sweep.oct_.sheath_fade_db * np.minimum(course, 0.3)
     return fading
-
-
-N_NODES = 512
-"""So many nodes lie around the sheath, closer than the spot is wide out of its focus."""
-SOFT_PX = 1.5
-"""A band begins and ends over this."""
-MOST_PX = 64
-"""Scatterers of a band are drawn for so many axial pixels, whatever its thickness."""
 
 
 def add_sheath(sweep: Sweep, field: NDArray[np.complex64]) -> None:

@@ -37,6 +37,18 @@ RING_MM = 0.003
 """Rings are just less than an axial pixel in bone apart."""
 FIRST_LAYER = 2**16
 """The layer at the mouth has this number: layers before it are counted too."""
+ONE_SURFACE_MM = 0.02
+"""A surface changes by less than this between neighbouring columns: more is a step to another surface."""
+DENSITY_BINS = 16
+"""Density is looked up once for so many axial pixels: 0.05 mm of bone."""
+MARGIN_RINGS = 3
+"""Interpolation between rings reads so many beyond."""
+NODES = 128
+"""So many nodes are worked on at a time."""
+NEGLIGIBLE_DB = -20.0
+"""What bone returns below this is left out."""
+TABLE_PER_PX = 32
+"""The profile of bone over depth is tabulated for so many shifts of an axial pixel."""
 
 
 @dataclass(frozen=True)
@@ -78,14 +90,6 @@ def lattice(seed: int, radius_mm: float, oct_: Oct) -> Lattice:
     deep = 2 ** max(0, math.ceil(math.log2(RING_MM * BONE_INDEX / oct_.axial_pixel_mm)))
     n_nodes = 4 * round(2 * math.pi * radius_mm / NODE_MM / 4)
     return Lattice(seed, n_nodes * across, LAYER_MM / across, RING_MM / deep)
-
-
-ONE_SURFACE_MM = 0.02
-"""A surface changes by less than this between neighbouring columns: more is a step to another surface."""
-DENSITY_BINS = 16
-"""Density is looked up once for so many axial pixels: 0.05 mm of bone."""
-MARGIN_RINGS = 3
-"""Interpolation between rings reads so many beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,14 +235,6 @@ def _across_layers(
             if np.any(share[part]):
                 total[:, part] += layer[:, at : at + 2 * (end - begin)] * share[part]
     return total.view(np.complex64)
-
-
-NODES = 128
-"""So many nodes are worked on at a time."""
-NEGLIGIBLE_DB = -20.0
-"""What bone returns below this is left out."""
-TABLE_PER_PX = 32
-"""The profile of bone over depth is tabulated for so many shifts of an axial pixel."""
 
 
 def speckle(sweep: Sweep) -> NDArray[np.complex64]:

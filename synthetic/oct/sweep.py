@@ -23,6 +23,13 @@ from endoct.synthetic.sample.parameters import Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.randomness import Stage, generator, smooth_field
 
+AROUND = 1024
+"""What changes smoothly is drawn at so many places around a turn."""
+REACH = 3.0
+"""Scatterers are summed across so many σ of the spot."""
+BEYOND = 3
+"""The interpolation between columns reads so many beyond those recorded."""
+
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
@@ -62,10 +69,6 @@ def build_appearance(sample: Sample, wall: Wall, coarser: int = 4) -> Appearance
     return Appearance(dz_mm, wall_db, np.asarray(cv2.dilate(glint_db, np.ones((2, 3))), np.float32))
 
 
-AROUND = 1024
-"""What changes smoothly is drawn at so many places around a turn."""
-
-
 @dataclass(frozen=True, eq=False)
 class Turn:
     """The columns of one slice, around the ring they were taken on.
@@ -97,12 +100,6 @@ def _smoothing(sigma_turns: float) -> Image:
     left[0] = 0
     left.flags.writeable = False
     return np.asarray(left)
-
-
-REACH = 3.0
-"""Scatterers are summed across so many σ of the spot."""
-BEYOND = 3
-"""The interpolation between columns reads so many beyond those recorded."""
 
 
 @dataclass(frozen=True, eq=False)

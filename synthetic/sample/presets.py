@@ -7,38 +7,6 @@ from typing import Literal
 PresetName = Literal["quick", "paper", "mastoid", "patient", "small-patient", "hard", "learning", "tube"]
 Bone = Literal["phantom", "mastoid", "network", "volume", "tube"]
 Ranges = Mapping[str, tuple[float, float]]
-
-
-@dataclass(frozen=True)
-class Preset:
-    """Sizes and difficulty of one specimen.
-
-    Attributes: ``n_slices`` and ``n_frames``, recorded by the OCT and by the endoscope; ``n_ascans`` a turn,
-    a multiple of ``ascans_per_column``; ``ascans_per_column``, the A-scans between two independently drawn columns of
-    the optical field, which is oversampled when a turn has 14 000 A-scans; ``bone``, the kinds drawn from;
-    ``image_px``, width and height of the endoscope's images, drawn from; ``n_depth`` samples an A-scan, half as
-    many as the spectrometer's; ``pitch_mm``, nominal, of both instruments (Laves 2019, Methods: 0.2 mm);
-    ``wall_dz_mm`` and ``wall_n_theta``, the grid of the wall and of the truth; ``helical``, the share of
-    pullbacks without a stop; ``shared``, the least share of the shorter recording that is in both, which the bore has
-    room for; ``ranges``, "part.name" → (low, high), what is drawn otherwise than
-    :mod:`endoct.synthetic.sample.parameters` says.
-    """
-
-    n_slices: int
-    n_ascans: int
-    n_frames: int
-    ascans_per_column: int = 1
-    bone: tuple[Bone, ...] = ("phantom",)
-    image_px: tuple[tuple[int, int], ...] = ((640, 480), (640, 480), (640, 480), (800, 600), (800, 600))
-    n_depth: int = 512
-    pitch_mm: float = 0.2
-    wall_dz_mm: float = 0.01
-    wall_n_theta: int = 2048
-    helical: float = 0.0
-    shared: float = 0.6
-    ranges: Ranges = field(default_factory=dict)
-
-
 MASTOID_RANGES: Ranges = {
     "bore.dust": (0.0, 0.20),
     "bore.fluid": (0.0, 0.20),
@@ -71,7 +39,6 @@ HARD_RANGES: Ranges = {
     "endoscope.jpeg_quality": (70.0, 85.0),
     "endoscope.dropped": (0.0, 0.08),
 }
-
 # A printed tube is smooth but for its layers, and seen by instruments of which little is known.
 TUBE_RANGES: Ranges = {
     "bore.diameter_mm": (2.2, 2.6),
@@ -88,6 +55,37 @@ TUBE_RANGES: Ranges = {
     "endoscope.probe_offset_mm": (0.0, 0.06),
     "endoscope.probe_tilt_rad": (0.0, 0.015),
 }
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Sizes and difficulty of one specimen.
+
+    Attributes: ``n_slices`` and ``n_frames``, recorded by the OCT and by the endoscope; ``n_ascans`` a turn,
+    a multiple of ``ascans_per_column``; ``ascans_per_column``, the A-scans between two independently drawn columns of
+    the optical field, which is oversampled when a turn has 14 000 A-scans; ``bone``, the kinds drawn from;
+    ``image_px``, width and height of the endoscope's images, drawn from; ``n_depth`` samples an A-scan, half as
+    many as the spectrometer's; ``pitch_mm``, nominal, of both instruments (Laves 2019, Methods: 0.2 mm);
+    ``wall_dz_mm`` and ``wall_n_theta``, the grid of the wall and of the truth; ``helical``, the share of
+    pullbacks without a stop; ``shared``, the least share of the shorter recording that is in both, which the bore has
+    room for; ``ranges``, "part.name" → (low, high), what is drawn otherwise than
+    :mod:`endoct.synthetic.sample.parameters` says.
+    """
+
+    n_slices: int
+    n_ascans: int
+    n_frames: int
+    ascans_per_column: int = 1
+    bone: tuple[Bone, ...] = ("phantom",)
+    image_px: tuple[tuple[int, int], ...] = ((640, 480), (640, 480), (640, 480), (800, 600), (800, 600))
+    n_depth: int = 512
+    pitch_mm: float = 0.2
+    wall_dz_mm: float = 0.01
+    wall_n_theta: int = 2048
+    helical: float = 0.0
+    shared: float = 0.6
+    ranges: Ranges = field(default_factory=dict)
+
 
 PRESETS: Mapping[PresetName, Preset] = {
     "quick": Preset(n_slices=40, n_ascans=2000, n_frames=40),

@@ -39,6 +39,8 @@ Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300
 MOST_SEEDS = 1_000_000
 LONGEST_SEED = 18
+Source = tuple[int, int] | Path
+"""(seed, index) of a simulated case, or a folder of the user's own data."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +66,6 @@ class Plan:
     def sources(self) -> list["Source"]:
         """Return where the cases come from, in order."""
         return [*self.own] or [(seed, index) for seed in self.seeds for index in range(self.count)]
-
-
-Source = tuple[int, int] | Path
-"""(seed, index) of a simulated case, or a folder of the user's own data."""
 
 
 @dataclass(frozen=True)

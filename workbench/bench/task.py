@@ -33,6 +33,7 @@ Truth = TypeVar("Truth")
 Answer = TypeVar("Answer")
 Conditions = Mapping[str, float | str]
 """Conditions that make a case hard, by name: numbers and words."""
+GROUP = "endoct.bench"
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +158,6 @@ def draw(seed: int, index: int, ranges: Mapping[str, Range]) -> dict[str, float 
         numbers = [float(value) for value in range_ if not isinstance(value, str)]
         drawn[name] = words[int(share * len(words))] if words else numbers[0] + share * (numbers[1] - numbers[0])
     return drawn
-
-
-GROUP = "endoct.bench"
 
 
 def task_names() -> tuple[str, ...]:

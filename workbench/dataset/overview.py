@@ -25,6 +25,50 @@ MANIFEST = "manifest.csv"
 SHEET = "contact_sheet.png"
 N_SPECIMENS = 8
 TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
+LICENCE = """\
+SPDX-License-Identifier: CC0-1.0
+
+Creative Commons CC0 1.0 Universal, Public Domain Dedication
+https://creativecommons.org/publicdomain/zero/1.0/
+
+To the extent possible under law, the person who generated this data set has waived all copyright and related or
+neighbouring rights to it: to the simulated recordings, their truth and labels, the manifest and the pictures. You
+can copy, modify and distribute them and use them in any way, also commercially, without asking permission. They come
+without warranty. The legal code is at https://creativecommons.org/publicdomain/zero/1.0/legalcode
+
+This says nothing of the program that generated the data set, which has a licence of its own.
+"""
+README = """\
+# {count} simulated specimens, preset {preset}, seed {seed}
+
+Each specimen is a drill hole in bone, recorded by a cone-mirror endoscope and by a catheter OCT, with its truth. All
+of it is simulated; no recording of a real bore is in it. Public domain, see LICENSE. Look at `contact_sheet.png` first.
+
+- `manifest.csv`: a line a specimen: index, name, split, seed, bore, bore_seed, digest, path, and every drawn number
+  and word as `part.name`. Angles are in rad, lengths in mm, as the names say.
+- {splits}. Splits are by bore: no two show the same one{bores}.
+- `dataset.json`: the arguments and versions it was made with. Drawn otherwise than by preset: {vary}.
+- {layout}
+- `records/`: sha256 of every file, by which an interrupted `endoct dataset` knows what is finished.
+  A specimen's digest is the sha256 of the lines of `sha256sum` over its files, sorted by path.
+
+Bore frame, right-handed: z in mm along the bore, growing inward from the mouth; θ = atan2(y, x) in rad, clockwise
+when looking in; r in mm from the axis. Axis order z, θ, depth, channel; θ is a circle.
+
+    from torch.utils.data import DataLoader
+    from endoct.workbench.dataset import Specimens
+    loader = DataLoader(Specimens("path/to/this/folder", split="train"), batch_size=4, shuffle=True, num_workers=2)
+
+Each step has `oct` u8 (batch, slice, depth, A-scan), `endoscope` u8 (batch, frame, row, column, RGB), and the truth
+`relief_mm`, `cell` and `cell_id` (batch, z, θ).
+"""
+FOLDERS = """\
+`specimens/NAME/`: `oct/pullback.tif` (slice, depth, A-scan), `endoscope/`, each with its `acquisition.toml`,
+  and `truth/`, as `endoct simulate` writes them; `endoct compare` reads them."""
+SHARDS = """\
+`shards/SPLIT-NUMBER.tar`: {per_shard} specimens each (the last of a split fewer), for the webdataset library:
+  `NAME.oct.npy`, `NAME.endoscope.npy`, `NAME.relief_mm.npy` … and `NAME.sample.json`, from which
+  `endoct simulate --replay` makes the specimen's folder again."""
 
 
 def write_manifest(root: Path, plan: Plan) -> None:
@@ -100,53 +144,6 @@ def write_contact_sheet(root: Path) -> None:
 
 def _draw(panel: Axes, image: NDArray[np.floating] | NDArray[np.uint8], colours: str) -> None:
     panel.imshow(image, cmap=colours, aspect="auto", interpolation="antialiased")
-
-
-LICENCE = """\
-SPDX-License-Identifier: CC0-1.0
-
-Creative Commons CC0 1.0 Universal, Public Domain Dedication
-https://creativecommons.org/publicdomain/zero/1.0/
-
-To the extent possible under law, the person who generated this data set has waived all copyright and related or
-neighbouring rights to it: to the simulated recordings, their truth and labels, the manifest and the pictures. You
-can copy, modify and distribute them and use them in any way, also commercially, without asking permission. They come
-without warranty. The legal code is at https://creativecommons.org/publicdomain/zero/1.0/legalcode
-
-This says nothing of the program that generated the data set, which has a licence of its own.
-"""
-
-README = """\
-# {count} simulated specimens, preset {preset}, seed {seed}
-
-Each specimen is a drill hole in bone, recorded by a cone-mirror endoscope and by a catheter OCT, with its truth. All
-of it is simulated; no recording of a real bore is in it. Public domain, see LICENSE. Look at `contact_sheet.png` first.
-
-- `manifest.csv`: a line a specimen: index, name, split, seed, bore, bore_seed, digest, path, and every drawn number
-  and word as `part.name`. Angles are in rad, lengths in mm, as the names say.
-- {splits}. Splits are by bore: no two show the same one{bores}.
-- `dataset.json`: the arguments and versions it was made with. Drawn otherwise than by preset: {vary}.
-- {layout}
-- `records/`: sha256 of every file, by which an interrupted `endoct dataset` knows what is finished.
-  A specimen's digest is the sha256 of the lines of `sha256sum` over its files, sorted by path.
-
-Bore frame, right-handed: z in mm along the bore, growing inward from the mouth; θ = atan2(y, x) in rad, clockwise
-when looking in; r in mm from the axis. Axis order z, θ, depth, channel; θ is a circle.
-
-    from torch.utils.data import DataLoader
-    from endoct.workbench.dataset import Specimens
-    loader = DataLoader(Specimens("path/to/this/folder", split="train"), batch_size=4, shuffle=True, num_workers=2)
-
-Each step has `oct` u8 (batch, slice, depth, A-scan), `endoscope` u8 (batch, frame, row, column, RGB), and the truth
-`relief_mm`, `cell` and `cell_id` (batch, z, θ).
-"""
-FOLDERS = """\
-`specimens/NAME/`: `oct/pullback.tif` (slice, depth, A-scan), `endoscope/`, each with its `acquisition.toml`,
-  and `truth/`, as `endoct simulate` writes them; `endoct compare` reads them."""
-SHARDS = """\
-`shards/SPLIT-NUMBER.tar`: {per_shard} specimens each (the last of a split fewer), for the webdataset library:
-  `NAME.oct.npy`, `NAME.endoscope.npy`, `NAME.relief_mm.npy` … and `NAME.sample.json`, from which
-  `endoct simulate --replay` makes the specimen's folder again."""
 
 
 def readme(plan: Plan) -> str:

@@ -33,6 +33,7 @@ Files = Mapping[str, tuple[int, str]]
 """Path → (bytes, sha256)."""
 RECORDS = "records"
 MOST_BYTES = 16_000_000
+Scalar = bool | int | float | str
 
 
 def store_and_digest(path: Path) -> tuple[int, str]:
@@ -138,9 +139,6 @@ def _written(root: Path) -> dict[str, list[str]]:
 def _note_written(root: Path, written: Mapping[str, list[str]]) -> None:
     with new_file(root / WRITTEN) as file:
         file.write((json.dumps(written, indent=1) + "\n").encode())
-
-
-Scalar = bool | int | float | str
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 VOXEL_MM = 0.01
 VERTEX_MM = 0.02
 Writer = Callable[["Source", Path, ExportRequest, "Stages"], dict[str, object]]
+_TIFF = ".ome.tiff", ".ome.tif", ".tiff", ".tif"
+_WALL = "side", "vertex_mm"
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,6 @@ class Format:
         writer: Writer = getattr(import_module(f"endoct.workbench.exporting.{module}"), function)
         return writer
 
-
-_TIFF = ".ome.tiff", ".ome.tif", ".tiff", ".tif"
-_WALL = "side", "vertex_mm"
 
 FORMATS = {
     one.name: one

@@ -21,6 +21,11 @@ FARTHEST_ROW = 0.75
 """A place shows what the nearest row observed up to this distance, in row spacings."""
 _EVEN = 1e-3
 """Rows lie evenly that are no farther than this from even steps, in row spacings."""
+COARSEST_PX = 512
+"""Largest size of the last level in either direction."""
+_BLOCK_ROWS = 256
+_UNEVEN = 1.5
+"""An axis is left as it is while its samples are this many times as long as those of the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +98,6 @@ def lies_evenly(grid: SurfaceGrid) -> bool:
     """Say whether the rows of ``grid`` lie at even steps, but for what rounding left."""
     even_mm = grid.z_mm[0] + grid.dz_mm * np.arange(grid.n_z)
     return bool(np.abs(grid.z_mm - even_mm).max() <= _EVEN * grid.dz_mm)
-
-
-COARSEST_PX = 512
-"""Largest size of the last level in either direction."""
-_BLOCK_ROWS = 256
-_UNEVEN = 1.5
-"""An axis is left as it is while its samples are this many times as long as those of the other."""
 
 
 @dataclass(frozen=True)

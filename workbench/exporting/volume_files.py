@@ -40,6 +40,10 @@ from endoct.workbench.running.progress import Stages
 Voxels = NDArray[Any]
 MOST_SIDE = 32_000
 """NIfTI counts voxels along an axis with 16 bits, and so does what samples them here."""
+FASTEST = 1
+_TYPES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "i1": "int8", "i2": "int16", "i4": "int32"}
+_FLOATS = {"f4": "float", "f8": "double"}
+_LPS = "left-posterior-superior"
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,9 +173,6 @@ class _Polar:
         )
 
 
-FASTEST = 1
-
-
 class GzipStream:
     """Compresses what it is given into an open file."""
 
@@ -192,11 +193,6 @@ class GzipStream:
     def finish(self) -> None:
         """Write what is left, and the sums."""
         self._file.write(self._deflate.flush() + struct.pack("<II", self._crc, self._size & 0xFFFFFFFF))
-
-
-_TYPES = {"u1": "uint8", "u2": "uint16", "u4": "uint32", "i1": "int8", "i2": "int16", "i4": "int32"}
-_FLOATS = {"f4": "float", "f8": "double"}
-_LPS = "left-posterior-superior"
 
 
 def volume_of(source: Source, request: ExportRequest) -> Volume:

@@ -42,6 +42,23 @@ DEEPEST = 4
 MOST_ENTRIES = 5000
 MOST_FOLDERS = 50_000
 SAMPLE = Path("truth", "sample.json")
+COLUMNS = (
+    ("wall", ""), ("name", "name"), ("what", "sides, or how it was simulated"), ("verdict", "how far it is trusted"),
+    ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("cells agree", "how many"),
+    ("doubts", "how many"), ("written", "when"),
+)  # fmt: skip
+PAGES = "/at"
+"""Below this lie the pages of entries, by their names."""
+LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
+STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
+"""Height of a strip, greatest width of all together, and gap between two."""
+MOST_PX = 2000
+"""Samples of the truth that are read along either axis."""
+NOT_OBSERVED = (185, 208, 242, 255)
+"""Colour of what was not observed, as on the page and in figures."""
+DEEP_MM = 0.8
+"""Depth that a relief shows black."""
+Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -193,16 +210,6 @@ def _written(file: Path) -> str:
     return time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
 
 
-COLUMNS = (
-    ("wall", ""), ("name", "name"), ("what", "sides, or how it was simulated"), ("verdict", "how far it is trusted"),
-    ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("cells agree", "how many"),
-    ("doubts", "how many"), ("written", "when"),
-)  # fmt: skip
-PAGES = "/at"
-"""Below this lie the pages of entries, by their names."""
-LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
-
-
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
     """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
     kinds = {kind: sum(one.kind == kind for one in entries) for kind in ("comparison", "recording", "specimen")}
@@ -249,18 +256,6 @@ def _number(value: float | None) -> tuple[str, str]:
     if value is None or not math.isfinite(value):
         return "", NOTHING
     return f"{value:.9f}", f"{value:.3f}"
-
-
-STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
-"""Height of a strip, greatest width of all together, and gap between two."""
-MOST_PX = 2000
-"""Samples of the truth that are read along either axis."""
-NOT_OBSERVED = (185, 208, 242, 255)
-"""Colour of what was not observed, as on the page and in figures."""
-DEEP_MM = 0.8
-"""Depth that a relief shows black."""
-
-Pixels = NDArray[np.uint8]
 
 
 def thumbnail(entry: Entry) -> bytes:

@@ -25,6 +25,7 @@ Fact = tuple[str, str]
 """A name and a value."""
 Link = tuple[str, str]
 """An address and its text."""
+RESEARCH = "Research software and no medical device."
 
 
 @dataclass(frozen=True)
@@ -99,9 +100,6 @@ def _scores(result: Result) -> Iterator[Score]:
         yield Score("Dice index on the common grid", share_text(result.dice), "")
         over = f"of the {result.overlap_mm:.1f} mm that they share" if result.overlap_mm is not None else "of the wall"
         yield Score("Observed by both sides", f"{result.valid_fraction:.1%}", over)
-
-
-RESEARCH = "Research software and no medical device."
 
 
 def document(

@@ -37,6 +37,30 @@ CODES = 255
 _NOT_OBSERVED = 255
 """Palette entry of what was not observed: transparent."""
 _GREY = [(grey, grey, grey) for grey in range(256)]
+IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
+PARALLAX_DEPTH = "parallax_depth_mm"
+TITLES = {
+    "intensity": (IMAGE, "image", "intensity", "a.u."),
+    "depth_mm": (DEPTH, "relief", "wall radius − bore radius", "mm"),
+    PARALLAX_DEPTH: ("parallax", "relief by parallax", "wall radius − bore radius", "mm"),
+}
+"""Images of a panorama by their names in its store: end of the key, title, quantity and unit."""
+DRAWN = "drawn."
+"""How keys of masks drawn by hand begin; those of sides have their name and a '-' before anything else."""
+DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
+CELL_COLOURS = COLOURS[ONLY_A], COLOURS[ONLY_B]
+"""Colours of the cells of A and of B."""
+MOST_SAMPLES = 350_000
+"""Samples of a relief: 0.7 MB, and few enough corners for any machine to draw smoothly."""
+FINEST_LEVEL = 2
+"""Finest level for the columns of a relief: 1024 around."""
+LAST_CODE = 65_535
+TOLERANCE_SAMPLES = 0.25
+"""How far a line may depart from the outline, in samples of the image that it is drawn from."""
+DECIMALS = 5
+"""Decimals of rad and mm: a hundredth of a micrometre."""
+MOST_OUTLINED = 2048
+"""Samples of a mask along either axis that outlines are drawn from; larger masks are averaged first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,21 +150,6 @@ def png_of(picture: Pillow.Image) -> bytes:
     file = io.BytesIO()
     picture.save(file, "PNG", compress_level=1)
     return file.getvalue()
-
-
-IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
-PARALLAX_DEPTH = "parallax_depth_mm"
-TITLES = {
-    "intensity": (IMAGE, "image", "intensity", "a.u."),
-    "depth_mm": (DEPTH, "relief", "wall radius − bore radius", "mm"),
-    PARALLAX_DEPTH: ("parallax", "relief by parallax", "wall radius − bore radius", "mm"),
-}
-"""Images of a panorama by their names in its store: end of the key, title, quantity and unit."""
-DRAWN = "drawn."
-"""How keys of masks drawn by hand begin; those of sides have their name and a '-' before anything else."""
-DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
-CELL_COLOURS = COLOURS[ONLY_A], COLOURS[ONLY_B]
-"""Colours of the cells of A and of B."""
 
 
 class _Sampling(TypedDict):
@@ -281,13 +290,6 @@ def _hex(colour: tuple[int, int, int]) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-MOST_SAMPLES = 350_000
-"""Samples of a relief: 0.7 MB, and few enough corners for any machine to draw smoothly."""
-FINEST_LEVEL = 2
-"""Finest level for the columns of a relief: 1024 around."""
-LAST_CODE = 65_535
-
-
 def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> bytes:
     """Return what ``plane`` shows, in mm, at its own rows and in columns around the circle.
 
@@ -306,12 +308,6 @@ def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> 
     return b"".join(part.tobytes() for part in (sizes, limits, row_mm.astype("<f4"), codes))
 
 
-TOLERANCE_SAMPLES = 0.25
-"""How far a line may depart from the outline, in samples of the image that it is drawn from."""
-DECIMALS = 5
-"""Decimals of rad and mm: a hundredth of a micrometre."""
-
-
 def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
     """Return the outlines of what ``mask`` shows, each as flat (θ rad, z mm, θ, z, …).
 
@@ -321,10 +317,6 @@ def outlines(mask: Plane) -> tuple[tuple[float, ...], ...]:
     averaged = overview.averaged
     share = np.where(averaged.known, averaged.values, np.float32(0))
     return _lines_around(share, mask.placing, overview.down, overview.across)
-
-
-MOST_OUTLINED = 2048
-"""Samples of a mask along either axis that outlines are drawn from; larger masks are averaged first."""
 
 
 def mask_outlines(mask: Mask, grid: SurfaceGrid, where: Alignment | None) -> tuple[tuple[float, ...], ...]:

@@ -32,6 +32,36 @@ from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
 FRESH = {"cache-control": "no-store"}
+LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
+_EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
+"""An empty style, which keeps OpenSeadragon from adding one."""
+POLICY = (
+    f"default-src 'none'; script-src 'self'; style-src 'self' {_EMPTY_STYLE}; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+}
+PACKAGE = "endoct.workbench.page"
+TYPES = {
+    "page.js": "text/javascript",
+    "cylinder.js": "text/javascript",
+    "folder.js": "text/javascript",
+    "desk.js": "text/javascript",
+    "page.css": "text/css",
+    "desk.css": "text/css",
+}
+MOST_DIGITS = 9
+"""Digits of a number in an address; longer ones name nothing here."""
+KEPT = "private, max-age=3600"
+"""How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
+MOST_THREADS = 2
+"""Threads that cut tiles: more take memory and save no time."""
+FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
 def session_routes(session: Sessions | None) -> list[Route]:
@@ -120,22 +150,6 @@ async def posted_json(request: Request) -> bytes | Response:
     return data
 
 
-LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
-_EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
-"""An empty style, which keeps OpenSeadragon from adding one."""
-POLICY = (
-    f"default-src 'none'; script-src 'self'; style-src 'self' {_EMPTY_STYLE}; img-src 'self' data: blob:; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-HEADERS = {
-    "content-security-policy": POLICY,
-    "cross-origin-opener-policy": "same-origin",
-    "cross-origin-resource-policy": "same-origin",
-    "referrer-policy": "no-referrer",
-    "x-content-type-options": "nosniff",
-}
-
-
 def allowed_hosts(host: str, port: int) -> frozenset[str]:
     """Return what a browser may call a server bound to ``host`` and ``port``.
 
@@ -187,24 +201,6 @@ class Guard:
         # who knows a secret address may lead there, as the file does that a browser is started on
         leads = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
         return "" if self._is_secret and leads and origin is None else "another page asked for this"
-
-
-PACKAGE = "endoct.workbench.page"
-TYPES = {
-    "page.js": "text/javascript",
-    "cylinder.js": "text/javascript",
-    "folder.js": "text/javascript",
-    "desk.js": "text/javascript",
-    "page.css": "text/css",
-    "desk.css": "text/css",
-}
-MOST_DIGITS = 9
-"""Digits of a number in an address; longer ones name nothing here."""
-KEPT = "private, max-age=3600"
-"""How long a browser may keep a tile: addresses of tiles have a part that is new with every server."""
-MOST_THREADS = 2
-"""Threads that cut tiles: more take memory and save no time."""
-FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
 def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> Starlette:

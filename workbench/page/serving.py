@@ -57,6 +57,10 @@ from endoct.workbench.page.wall import NoSuchTile
 USUAL_PORT = 8765
 ANSWERING_S = 1
 """Seconds that requests have to be answered once the server is to end."""
+MOST_OPEN = 6
+"""Pages that are held open: those that were asked for last."""
+MOST_TABLES = 20
+"""Tables whose places are remembered: a window may ask for the thumbnails of an older one."""
 
 
 def serve(folder: Path, host: str, port: int | None, announce: Callable[[str], None]) -> None:
@@ -158,12 +162,6 @@ def _bound_address(listening: socket.socket) -> IPv4Address | IPv6Address:
     """Return the address that a socket is bound to; of an IPv4 address in the notation of IPv6, that itself."""
     address = ip_address(listening.getsockname()[0])
     return getattr(address, "ipv4_mapped", None) or address
-
-
-MOST_OPEN = 6
-"""Pages that are held open: those that were asked for last."""
-MOST_TABLES = 20
-"""Tables whose places are remembered: a window may ask for the thumbnails of an older one."""
 
 
 class Collection:

@@ -31,6 +31,9 @@ from endoct.workbench.report.per_frame import number_of
 from endoct.workbench.report.pictures import load_pictures, pictured_places
 from endoct.workbench.report.sections import Section
 
+DIGITS = 5
+"""Significant digits of numbers per frame."""
+
 
 @dataclass(frozen=True, eq=False)
 class ShownSide:
@@ -130,10 +133,6 @@ class Shown:
     def values_at(self, theta_rad: float, z_mm: float) -> dict[str, float | None]:
         """Return the value of every layer of numbers at a place, None where nothing was observed there."""
         return {key: layer.plane.at(theta_rad, z_mm) for key, layer in self.layers.items() if isinstance(layer, Scalar)}
-
-
-DIGITS = 5
-"""Significant digits of numbers per frame."""
 
 
 def frames_part(

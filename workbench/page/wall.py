@@ -21,6 +21,7 @@ TILE_PX = 256
 OVERLAP_PX = 1
 FINEST_LEVEL = 8
 """It has 65 536 pixels around: a pixel of a 2.5 mm bore has 0.1 µm."""
+Indices = NDArray[np.int64]
 
 
 class NoSuchTile(EndoctError):
@@ -113,9 +114,6 @@ def row_of_tiles(wall: Wall, level: int, row: int) -> Pixels:
     top, height_px = row * TILE_PX, wall.height_px(level)
     rows = max(top - OVERLAP_PX, 0), min(top + TILE_PX + OVERLAP_PX, height_px)
     return Pixels(rows, (-OVERLAP_PX, wall.width_px(level) + OVERLAP_PX))
-
-
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from endoct.workbench.running.scheduler import one_blas_thread
 
 MOST_SAMPLE_BYTES = 16_000_000
 """A sample.json may have as many bytes. Usual ones have under 1 MB, and reading takes many times the size."""
+Made = TypeVar("Made")
 
 
 @by_request(SimulateRequest)
@@ -123,9 +124,6 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     if not isinstance(sample, dict):
         raise EndoctError(f"{path} is no sample", expected="a truth/sample.json")
     return sample
-
-
-Made = TypeVar("Made")
 
 
 def demonstrate(

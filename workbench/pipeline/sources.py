@@ -32,6 +32,11 @@ from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
 if TYPE_CHECKING:
     from endoct.workbench.requests import Recorded, Settings
 
+Opened = Recording | Panorama | DrawnMask | Path
+"""A source that is known to be usable; a path is that of a mask, which may need the panorama that it was drawn on."""
+Ready = Unrolled | Panorama | DrawnMask | Path
+"""The same with recordings unrolled."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -51,12 +56,6 @@ class Source:
 def source_of(given: "Recorded", modality: str | None, settings: "Settings", device: Device) -> Source:
     """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
     return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device)
-
-
-Opened = Recording | Panorama | DrawnMask | Path
-"""A source that is known to be usable; a path is that of a mask, which may need the panorama that it was drawn on."""
-Ready = Unrolled | Panorama | DrawnMask | Path
-"""The same with recordings unrolled."""
 
 
 def open_both(sources: tuple[Source, Source]) -> tuple[Opened, Opened]:

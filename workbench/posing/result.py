@@ -21,6 +21,8 @@ from endoct.workbench.pipeline.volumes import VolumeFacts
 
 FORMAT, OUTLOOK_FORMAT = "endoct-pose-1", "endoct-pose-outlook-1"
 NOTICE = "Research software, not for clinical decisions."
+DECISIVE = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
+"""Libraries that figures of a pose depend on."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +33,6 @@ class Made:
     versions: Mapping[str, str]
     parameters: Mapping[str, Any]
     seconds: Mapping[str, float]
-
-
-DECISIVE = ("torch", "kornia", "SimpleITK", "pydicom", "nibabel")
-"""Libraries that figures of a pose depend on."""
 
 
 def pose_versions() -> dict[str, str]:

@@ -35,6 +35,13 @@ NEAR_REACHES = (0.06, 0.03, 0.015)
 FAR_REACHES = (0.3, 0.1, 0.03, 0.015)
 """An edge is looked for this far from a rim, as parts of the outer radius, in one round after the other."""
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
+STEP_PX = 0.5
+MARGIN = 2
+"""This many samples at both ends of a ray are not searched for edges."""
+SIGMA = 2.0
+_AWAY = np.arange(1, 9)
+TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2).sum())
+"""These are one side of the derivative of a Gaussian, in samples."""
 
 
 @dataclass(frozen=True)
@@ -262,15 +269,6 @@ def _rim(look: _Look, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> t
             # the circle through edges that lie all over the place is not to be followed
             rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
     return rim, _support(describe(look.image, look.dark, rim))
-
-
-STEP_PX = 0.5
-MARGIN = 2
-"""This many samples at both ends of a ray are not searched for edges."""
-SIGMA = 2.0
-_AWAY = np.arange(1, 9)
-TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2).sum())
-"""These are one side of the derivative of a Gaussian, in samples."""
 
 
 def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates, Coordinates]:

@@ -43,6 +43,18 @@ from endoct.modalities.endoscope.mirror.rings import Ring
 
 MOST_CHANGE = 0.05
 MOST_BLUR = 0.3
+REACH = 0.14
+"""The rim is looked for within this part of the radius, since a circle through part of an ellipse misses the rest."""
+LEAST_SEEN = 0.7
+"""At least this part of the rim must be visible. An ellipse fitted to less is arbitrary."""
+NEAR = 0.012
+"""Points farther from the ellipse than this part of the radius do not belong to the rim."""
+NOT_ROUND = 0.01
+"""A ring is not round from this relative difference of its axes on. It is below 0.002 in both simulators."""
+SAME_RIM = 0.03
+"""Edges of light and of movement within this part of the outer radius are the same rim."""
+SURVEY_SIDE_PX = 480
+REFERENCE_FRAMES = 12
 
 
 def settle_annuli(followed: Sequence[Followed], reference: Annulus, given: bool) -> tuple[list[Annulus], Mask]:
@@ -83,16 +95,6 @@ def _outlying(place: Coordinates, located: Mask, tolerance_px: float) -> Mask:
     spread = robust_sigmas(away)
     outlying: Mask = (away > np.maximum(tolerance_px, 6 * spread)).any(axis=1)
     return outlying
-
-
-REACH = 0.14
-"""The rim is looked for within this part of the radius, since a circle through part of an ellipse misses the rest."""
-LEAST_SEEN = 0.7
-"""At least this part of the rim must be visible. An ellipse fitted to less is arbitrary."""
-NEAR = 0.012
-"""Points farther from the ellipse than this part of the radius do not belong to the rim."""
-NOT_ROUND = 0.01
-"""A ring is not round from this relative difference of its axes on. It is below 0.002 in both simulators."""
 
 
 @dataclass(frozen=True)
@@ -169,10 +171,6 @@ def _robust_fit(basis: Coordinates, values: Coordinates, scale: float) -> tuple[
     return fitted, values - basis @ fitted
 
 
-SAME_RIM = 0.03
-"""Edges of light and of movement within this part of the outer radius are the same rim."""
-
-
 @dataclass(frozen=True, eq=False)
 class FoundRing:
     """``annulus`` in square pixels of the images; ``handle``: the circle that it is followed by, None for its own rims.
@@ -244,10 +242,6 @@ def _mean(images: Sequence[Image]) -> Image:
 def _same(ring: Ring, other: Ring, outer: Ring) -> bool:
     apart_px = float(np.hypot(ring.x_px - other.x_px, ring.y_px - other.y_px))
     return max(apart_px, abs(ring.radius_px - other.radius_px)) <= SAME_RIM * outer.radius_px
-
-
-SURVEY_SIDE_PX = 480
-REFERENCE_FRAMES = 12
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,11 @@ PICKS = 200
 """So many circles are tried."""
 NUMBERS = 512
 """The choices of three points are kept for up to this many points, as many as there are rays."""
+N_RAYS = 360
+TRACE_RAYS = 240
+LEAST_SUPPORT = 0.1
+MOST_CONTRAST = 1.5
+FEWEST_POINTS = 12
 
 
 def consensus_circle(x_px: Coordinates, y_px: Coordinates, start: Coordinates) -> Coordinates:
@@ -86,13 +91,6 @@ def _agreeing(
             away = (np.sqrt(dx * dx + dy * dy) - radius[k]) / tolerance
             score[k] += max(1 - away * away, 0.0)
     return score
-
-
-N_RAYS = 360
-TRACE_RAYS = 240
-LEAST_SUPPORT = 0.1
-MOST_CONTRAST = 1.5
-FEWEST_POINTS = 12
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,22 @@ BEFORE_MM = 0.03
 """Nearer to the face than that, a line may be a part of it."""
 DARK_SHARE = 0.5
 """Behind the face it is nearer to the darkness than to the wall."""
+STRAY_MM = 0.08
+REACH = 3
+"""A slice is compared with so many on either side."""
+LEAST_OFFSET_MM = 0.006
+"""Nearer to the axis, an offset has no direction."""
+FREE_RAD = 0.8
+"""Turns start anywhere if the offset's direction typically changes by more than this from slice to slice."""
+CERTAIN_FRACTION = 0.5
+"""A face seen in this part of the columns need not be near its neighbours'."""
+WIDTHS = (3.0, 1.5)
+"""Half widths of Tukey's weights, in tolerances, in one round of the fit after the other."""
+AXIS_WEIGHT = 5.0
+"""The recording's axis depth counts as much as so many points in a slice's fit."""
+RIPPLE_HARMONICS = 6
+N_RIPPLE = 2 * (RIPPLE_HARMONICS - 1)
+DAMPING = 0.05  # of the points' weight: a face seen in part does not swing where it is not seen
 
 
 def outer_line(
@@ -127,15 +143,6 @@ def _known(medians: Image) -> Image:
     return np.where(np.isfinite(medians), medians, np.float32(0))
 
 
-STRAY_MM = 0.08
-REACH = 3
-"""A slice is compared with so many on either side."""
-LEAST_OFFSET_MM = 0.006
-"""Nearer to the axis, an offset has no direction."""
-FREE_RAD = 0.8
-"""Turns start anywhere if the offset's direction typically changes by more than this from slice to slice."""
-
-
 def starts_anywhere(capillary: Capillary, start: Literal["auto", "triggered", "free"]) -> bool:
     """Return whether turns start anywhere, so that the catheter's offset points another way in every slice."""
     if start != "auto":
@@ -175,14 +182,6 @@ def bridged(capillary: Capillary) -> Capillary:
         np.interp(every, known, values[known]) for values in (capillary.x_mm, capillary.y_mm, capillary.axis_depth_mm)
     )
     return Capillary(x, y, depth, capillary.radius_mm)
-
-
-CERTAIN_FRACTION = 0.5
-"""A face seen in this part of the columns need not be near its neighbours'."""
-WIDTHS = (3.0, 1.5)
-"""Half widths of Tukey's weights, in tolerances, in one round of the fit after the other."""
-AXIS_WEIGHT = 5.0
-"""The recording's axis depth counts as much as so many points in a slice's fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,11 +318,6 @@ def _no_capillary(instead: str) -> NotSeen:
         remedy="check capillary_outer_diameter_mm, bore_diameter_mm and axial_pixel_mm, look at the B-scans, "
         "or give the depth of the outer face as start_offset_mm",
     )
-
-
-RIPPLE_HARMONICS = 6
-N_RIPPLE = 2 * (RIPPLE_HARMONICS - 1)
-DAMPING = 0.05  # of the points' weight: a face seen in part does not swing where it is not seen
 
 
 def ripple_basis(angle_rad: ArrayLike) -> Coordinates:

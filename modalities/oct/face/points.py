@@ -20,6 +20,13 @@ from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.parameters import OctParameters
 
 WAVELET, MODE = pywt.Wavelet("db2"), "periodization"
+POINTS_PER_COLUMN = 8
+WEAKEST_POINT_SIGMAS = 3.0
+LINE_HALF_MM, BEHIND_MM, AROUND_MM = (
+    0.004,
+    0.018,
+    0.055,
+)  # a line's half width; the dark beyond it, nearest and farthest
 
 
 def wavelet_denoise(image: Image, threshold_sigmas: float) -> Image:
@@ -70,15 +77,6 @@ def local_threshold(image: Image, window_px: float) -> Mask:
     window = max(3, round(window_px) | 1)
     mean = cv2.GaussianBlur(image, (window, 1), 0, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(image > mean)
-
-
-POINTS_PER_COLUMN = 8
-WEAKEST_POINT_SIGMAS = 3.0
-LINE_HALF_MM, BEHIND_MM, AROUND_MM = (
-    0.004,
-    0.018,
-    0.055,
-)  # a line's half width; the dark beyond it, nearest and farthest
 
 
 @dataclass(frozen=True, eq=False)

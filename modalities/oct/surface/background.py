@@ -24,6 +24,20 @@ MOST_LN_POWER = 20.0
 """Powers are cut off here, far beyond any that occur, so that none overflows."""
 LEAST_SIGMA_SHARE = 0.15
 """Even where there is hardly any noise, texture scatters by this share of the wall's contrast."""
+LINE_SIGMAS = 1.0
+"""A line stands out by more than this σ of the noise."""
+SKIRT_SIGMAS = 0.12
+"""The skirts of a line stand out by more than this σ of the noise."""
+LINE_WIDTH_MM = 0.15
+"""A line is no wider than that, its skirts included."""
+DARK_SHARE = 0.2
+"""A depth is judged by this part of its A-scans, the darkest."""
+LINE_AROUND_MM = (0.05, 0.12)
+"""A line of one B-scan is compared with what lies so far before and behind it."""
+JUDGED_ASCANS = 512
+"""It is judged by at least so many of its A-scans, where it has as many."""
+TURNING_MM = 0.04
+"""It lies so near to where a face is nearest or farthest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,22 +169,6 @@ def bridge_ascan(samples: Image, bridges: Bridges) -> None:
     for k in range(bridges.row.size):
         share = bridges.share[k]
         samples[bridges.row[k]] = (1 - share) * samples[bridges.low[k]] + share * samples[bridges.high[k]]
-
-
-LINE_SIGMAS = 1.0
-"""A line stands out by more than this σ of the noise."""
-SKIRT_SIGMAS = 0.12
-"""The skirts of a line stand out by more than this σ of the noise."""
-LINE_WIDTH_MM = 0.15
-"""A line is no wider than that, its skirts included."""
-DARK_SHARE = 0.2
-"""A depth is judged by this part of its A-scans, the darkest."""
-LINE_AROUND_MM = (0.05, 0.12)
-"""A line of one B-scan is compared with what lies so far before and behind it."""
-JUDGED_ASCANS = 512
-"""It is judged by at least so many of its A-scans, where it has as many."""
-TURNING_MM = 0.04
-"""It lies so near to where a face is nearest or farthest."""
 
 
 def with_lines_of(

@@ -27,6 +27,22 @@ DARKEST_PERCENT = 40
 MOST_OF_GAP = 0.75  # between glass and wall, where lines cover what is nearest to the glass
 SMOOTH_MM = 0.04
 CLEAR_SHARE = 0.5  # of the samples that an A-scan is judged by: of fewer, none knows how dark it is
+POOLED_SLICES = 40  # whose worth of A-scans is enough to judge a recording by
+SECTORS, PARTS = 12, 4  # of a turn and of the pullback
+FEWEST_ASCANS = 6  # of one sector and part
+FACE_MM = 0.06
+"""So far behind the outer face it is still in view."""
+WALL_MM = 0.08
+"""Nearer to the nominal wall, one that is not quite there may lie."""
+AROUND_MM = 0.2
+"""What lies so far before and behind a sample says whether it lies in the dark."""
+OWN_MM = 0.015
+"""What lies nearer to it does not count: the noise that happens to be darkest is darker than noise is."""
+DARK_SHARE = 0.1
+"""So many of the A-scans at one depth lie in openings of cells, where there are enough of them."""
+SLACK_SIGMAS = 0.25
+"""Bands reach no farther than this σ of the noise beyond what the gap shows; what does is bone."""
+FLOOR_SMOOTH_MM = 0.03
 
 
 def measure_levels(
@@ -100,11 +116,6 @@ def _median_between_counts(samples: Image) -> float:
     return float(np.interp(half, [first, last], [low, high]))
 
 
-POOLED_SLICES = 40  # whose worth of A-scans is enough to judge a recording by
-SECTORS, PARTS = 12, 4  # of a turn and of the pullback
-FEWEST_ASCANS = 6  # of one sector and part
-
-
 @dataclass(frozen=True, eq=False)
 class Pool:
     """A-scans (n, n_depth) of all slices, with the depths of face and nominal wall (n,), and their ``part`` (n,).
@@ -144,21 +155,6 @@ def filled_medians(samples: Image) -> Image:
     if not known.size:
         return np.zeros(samples.shape[1], np.float32)
     return np.asarray(np.interp(np.arange(count.size), known, middle[known]), dtype=np.float32)
-
-
-FACE_MM = 0.06
-"""So far behind the outer face it is still in view."""
-WALL_MM = 0.08
-"""Nearer to the nominal wall, one that is not quite there may lie."""
-AROUND_MM = 0.2
-"""What lies so far before and behind a sample says whether it lies in the dark."""
-OWN_MM = 0.015
-"""What lies nearer to it does not count: the noise that happens to be darkest is darker than noise is."""
-DARK_SHARE = 0.1
-"""So many of the A-scans at one depth lie in openings of cells, where there are enough of them."""
-SLACK_SIGMAS = 0.25
-"""Bands reach no farther than this σ of the noise beyond what the gap shows; what does is bone."""
-FLOOR_SMOOTH_MM = 0.03
 
 
 def measure_floor(slices: Sequence[SliceFeatures], faces: Faces, lines: Mask, acquisition: OctAcquisition) -> Image:

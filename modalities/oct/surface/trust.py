@@ -38,6 +38,23 @@ MOST_POWER = 30.0
 """A glint counts for no more than so many times the power of the noise."""
 POWER_OF_A_PATH = 1.5
 """A path through noise alone follows what is brightest, so many times the power of the noise."""
+GAP_MM = (0.06, 0.08)
+"""There is nothing between so far behind the outer face and so far before the nominal wall."""
+BONE_MM = (0.02, 0.1)
+"""Bone lies so far behind the wall."""
+BONE_SHARE = 0.75
+"""Up to so many of the A-scans may be openings."""
+OPENING_MM = 0.05
+"""So far behind the nominal wall, a surface is that of an opening."""
+PLAIN_MM = 0.03
+"""So near to the nominal wall, a surface is the bore's own."""
+CLEAR_MM = 0.015
+"""The nominal wall and the surface are blurred so far."""
+PATCH_MM = 0.1
+"""Averaged over so much of θ, speckle is as bright as bone."""
+FEWEST_ROWS = 2
+BRIGHT, DARK = 0.5, 0.25
+"""Of the way from darkness to bone: what reaches more is bright, what reaches less is dark."""
 
 
 def trusted(level: Image, row: NDArray[np.intp], background: Background, spacing: Spacing) -> Mask:
@@ -109,25 +126,6 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
     if ends.size and starts.size and ends[0] < starts[0]:
         ends = np.roll(ends, -1)
     return [(int(start), int((end - start) % mask.size) + 1) for start, end in zip(starts, ends, strict=True)]
-
-
-GAP_MM = (0.06, 0.08)
-"""There is nothing between so far behind the outer face and so far before the nominal wall."""
-BONE_MM = (0.02, 0.1)
-"""Bone lies so far behind the wall."""
-BONE_SHARE = 0.75
-"""Up to so many of the A-scans may be openings."""
-OPENING_MM = 0.05
-"""So far behind the nominal wall, a surface is that of an opening."""
-PLAIN_MM = 0.03
-"""So near to the nominal wall, a surface is the bore's own."""
-CLEAR_MM = 0.015
-"""The nominal wall and the surface are blurred so far."""
-PATCH_MM = 0.1
-"""Averaged over so much of θ, speckle is as bright as bone."""
-FEWEST_ROWS = 2
-BRIGHT, DARK = 0.5, 0.25
-"""Of the way from darkness to bone: what reaches more is bright, what reaches less is dark."""
 
 
 @dataclass(frozen=True)

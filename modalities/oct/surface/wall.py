@@ -39,6 +39,18 @@ PATCH_MM = (0.05, 0.05)
 """Averaged over so much of θ and depth, noise is no longer as bright as bone."""
 NEVER = np.float32(-1e6)
 COLUMNS_AT_ONCE = 8
+BLOCK_MM = 0.03
+SEARCH_MM = 0.06
+REACHES_MM = ((0.2, 1), (0.12, 1), (0.08, 2), (0.05, 2), (0.05, 2))
+"""Each round of the fit: the distance up to which surfaces count, and its number of harmonics."""
+STRONGEST = 2.0  # times the median evidence: a bright side must not outvote the rest
+LEAST_SEEN = 0.05
+BAND_MM = 0.02
+BONUS_PER_MM = 100.0  # of wall: evidence gained where the bore's wall runs
+FRONT_PER_MM = 750.0  # of wall: evidence lost before the bore's wall, where there can only be dirt
+AT_ONCE = 16  # maxima that are kept apart, so that a processor takes them as a vector
+COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
+STIFFER = 5.0
 
 
 class _Columns(NamedTuple):
@@ -192,17 +204,6 @@ def _take_patches(evidence: Image, above: Coordinates, n_columns: int, share: fl
             patch[row] = patch[row] + after[row] - gone[row]
 
 
-BLOCK_MM = 0.03
-SEARCH_MM = 0.06
-REACHES_MM = ((0.2, 1), (0.12, 1), (0.08, 2), (0.05, 2), (0.05, 2))
-"""Each round of the fit: the distance up to which surfaces count, and its number of harmonics."""
-STRONGEST = 2.0  # times the median evidence: a bright side must not outvote the rest
-LEAST_SEEN = 0.05
-BAND_MM = 0.02
-BONUS_PER_MM = 100.0  # of wall: evidence gained where the bore's wall runs
-FRONT_PER_MM = 750.0  # of wall: evidence lost before the bore's wall, where there can only be dirt
-
-
 def gap_rows(rows: Rows, first_row: Rows, evidence: Image, mm_per_px: float) -> Coordinates:
     """Return how many rows the bore's wall lies behind ``first_row``, float64 (n,), from surfaces at ``rows`` (n,).
 
@@ -258,9 +259,6 @@ def _basis(n: int) -> Coordinates:
     return np.concatenate([np.ones((n, 1)), harmonics(2 * np.pi * np.arange(n) / n, (1, 2))], axis=1)
 
 
-AT_ONCE = 16  # maxima that are kept apart, so that a processor takes them as a vector
-
-
 @compiled
 def largest(values: Image) -> np.float32:
     """Return the largest of ``values``, float32 (n,), n from 1; none of them is NaN."""
@@ -286,10 +284,6 @@ def _first_largest(values: Image) -> int:
         if values[i] > values[at]:
             at = i
     return at
-
-
-COLUMN_MM = 0.008  # a third of the beam's width: finer columns are taken together
-STIFFER = 5.0
 
 
 def first_edge(

@@ -40,6 +40,12 @@ Spectra = NDArray[np.complex128]
 _WAVES = np.arange(N_ANGLES // 2 + 1)
 _OF_ANGLES: Spectra = np.exp(-2j * np.pi * np.arange(N_ANGLES)[:, None] * _WAVES / N_ANGLES)
 """The spectra of a one at every single angle, (N_ANGLES, waves)."""
+LEAST_PRESENCE = 0.6
+FEWEST_LINES = 2  # one alone may be anything
+CLEAR_MM = 0.04  # before the capillary's inner face
+BLURS = ((0.012, 0.2), (0.008, 0.15), (0.005, 0.1), (0.004, 0.08), (0.003, 0.05))
+"""The pattern is blurred round by round by these standard deviations: along depth, mm, and around the turn, rad."""
+RIGID_RAD = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,14 +202,6 @@ def _expected(within: Field, n_covered: NDArray[np.intp]) -> Field:
         for turned in range(N_ANGLES - angle, N_ANGLES):
             expected[half, turned] += within[row, angle + turned - N_ANGLES]
     return expected
-
-
-LEAST_PRESENCE = 0.6
-FEWEST_LINES = 2  # one alone may be anything
-CLEAR_MM = 0.04  # before the capillary's inner face
-BLURS = ((0.012, 0.2), (0.008, 0.15), (0.005, 0.1), (0.004, 0.08), (0.003, 0.05))
-"""The pattern is blurred round by round by these standard deviations: along depth, mm, and around the turn, rad."""
-RIGID_RAD = 0.08
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,22 @@ from endoct.modalities.oct.turning.sheath_pattern import Mark, sheath_mark
 
 ROBUST_STEPS = 5
 MEAN_WEIGHT = 1e3  # of the landmark's mean direction, which is defined as 0
+CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
+LEAST_START_RAD = 0.002
+BY_SHEATH = "Turns start anywhere; where each does was measured from the sheath's lines."
+BY_NEIGHBOURS = (
+    "Turns start anywhere and no sheath line shows where; cells that span two slices and the capillary's direction "
+    "were followed from slice to slice, so that the twist along the bore is uncertain."
+)
+CONTRADICTED = (
+    "According to the sheath's lines turns start so that the capillary jumps from slice to slice; they were not used."
+)
+DRIFT_RAD = 0.09  # of the capillary's direction from slice to slice: 5°
+PROFILE_MM = (0.02, 0.10)  # behind the nominal wall: dark in cells
+N_PROFILE = 192
+NEAR_RAD = 0.7
+LEAST_LIKENESS = 0.6
+CELLS_RAD = 0.035  # how far the shapes of cells shift one slice against the next: 2°
 
 
 def separated(
@@ -76,19 +92,6 @@ def _variances(held: Coordinates, to_next: float) -> Coordinates:
         return through
 
     return np.asarray(1 / (held + from_before(held) + from_before(held[::-1])[::-1]))
-
-
-CREEP_RAD = 0.0017  # of a mark from slice to slice: 0.1°
-LEAST_START_RAD = 0.002
-
-BY_SHEATH = "Turns start anywhere; where each does was measured from the sheath's lines."
-BY_NEIGHBOURS = (
-    "Turns start anywhere and no sheath line shows where; cells that span two slices and the capillary's direction "
-    "were followed from slice to slice, so that the twist along the bore is uncertain."
-)
-CONTRADICTED = (
-    "According to the sheath's lines turns start so that the capillary jumps from slice to slice; they were not used."
-)
 
 
 def measure_starts(
@@ -189,14 +192,6 @@ def _from_first(rotation: Rotation, start: Coordinates, sigma: Coordinates) -> R
         start_known=known,
         start_sigma_rad=np.where(known, sigma, np.nan),
     )
-
-
-DRIFT_RAD = 0.09  # of the capillary's direction from slice to slice: 5°
-PROFILE_MM = (0.02, 0.10)  # behind the nominal wall: dark in cells
-N_PROFILE = 192
-NEAR_RAD = 0.7
-LEAST_LIKENESS = 0.6
-CELLS_RAD = 0.035  # how far the shapes of cells shift one slice against the next: 2°
 
 
 def starts_from_neighbours(

@@ -44,6 +44,7 @@ LEAST_INFORMATION = 0.5  # at most this share of the prior's variance may be lef
 MOST_UNEVEN = 0.7  # of the mean speed
 NEIGHBOURS = 4
 LEAST_NEIGHBOURS = 3
+NOT_CORRECTED = "Turns start anywhere; this was not corrected, so that slices lie at unrelated angles."
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +212,6 @@ def _plausible(fit: TurnFit, features: SliceFeatures, usual: Coordinates, share:
 def _basis_around() -> Coordinates:
     """The basis at places around a turn, both ends included; made when first needed, as it is by compiled code."""
     return smooth_basis(np.linspace(0, 2 * np.pi, 180))
-
-
-NOT_CORRECTED = "Turns start anywhere; this was not corrected, so that slices lie at unrelated angles."
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
 PLAN_FILE, TRUE_LINE = "plan.mrk.json", "bore.mrk.json"
 MOST_SIDES = 2
 MOST_SAMPLE_BYTES = 16_000_000
+Given = tuple[tuple[Panorama, ...], CtVolume, Trajectory]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,6 @@ class TrueBore:
         return np.asarray(self.to_lps[:3, :3] @ np.array([0.0, 0.0, z_mm]) + self.to_lps[:3, 3])
 
 
-Given = tuple[tuple[Panorama, ...], CtVolume, Trajectory]
 PoseCase = Case[Given, TrueBore]
 
 

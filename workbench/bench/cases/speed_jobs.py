@@ -33,6 +33,8 @@ N_SAMPLES = 1024
 CHIRP = np.polynomial.Polynomial([-0.48, 1.25467, -2.017e-4, -4.6e-8])
 """The even wavenumber that each pixel of a spectrometer sees: a fit to the vectors of a Telesto."""
 REFLECTORS = 6
+Frames = Callable[[int], NDArray[Any]]
+"""Returns one frame by its index."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +192,6 @@ def levels_db(spectra: Counts, places: Coordinates, background: Coordinates) -> 
         even = CubicSpline(samples, spectrum - background)(at)
         row[:] = 20 * np.log10(np.abs(np.fft.rfft(even * weights)[:-1]) + 1e-9)
     return rows
-
-
-Frames = Callable[[int], NDArray[Any]]
-"""Returns one frame by its index."""
 
 
 def recording_file(specimen: Path, side: str) -> Path:

@@ -34,6 +34,7 @@ DARK, BRIGHT = 1.0, 99.0
 DEPTH_A_COUNT_MM = 0.01
 """A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
 ARRAYS = ("intensity", "depth_mm", "valid", "cell")
+Layout = Literal["huggingface", "webdataset"]
 
 
 class Examples:
@@ -166,9 +167,6 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
     "depth": _depth,
     "pose": _pose,
 }
-
-
-Layout = Literal["huggingface", "webdataset"]
 
 
 def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool = False, stages: Stages) -> int:

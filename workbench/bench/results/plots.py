@@ -51,6 +51,8 @@ FEWEST_IN_BIN, MOST_BINS = 4, 8
 UNANSWERED = "not answered"
 OF_ONE = "Jaccard", "precision", "recall", "share"
 """The name of a score between 0 and 1 begins with one of these."""
+_MARKERS: tuple[tuple[LineStyle, str], ...] = (("-", "os^D"), ("--", "v<>P"), ("-.", "XphD"))
+MOST_DIFFERENCES = 3
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,6 @@ class Style:
     line: LineStyle
 
 
-_MARKERS: tuple[tuple[LineStyle, str], ...] = (("-", "os^D"), ("--", "v<>P"), ("-.", "XphD"))
 STYLES = [
     Style(colour, marker, line)
     for line, markers in _MARKERS
@@ -284,9 +285,6 @@ def _title(name: str, task: AnyTask) -> str:
 def _save(figure: Figure, path: Path) -> Path:
     figure.savefig(path, dpi=DPI)
     return path
-
-
-MOST_DIFFERENCES = 3
 
 
 def draw_differences(differing: Sequence[Difference], reference: str, task: AnyTask, path: Path) -> None:

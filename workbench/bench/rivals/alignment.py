@@ -25,6 +25,7 @@ SLOW_PX = 4
 BLUR_PX = 1.0
 MOST_FEATURES = 10_000
 """The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""
+Matrix = Coordinates
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,6 @@ class Flat:
         return float(abs(both) / np.sqrt(of_a * of_b)) if of_a > 0 and of_b > 0 else 0.0
 
 
-Matrix = Coordinates
 Method = Callable[[Flat], Iterator[Matrix]]
 
 

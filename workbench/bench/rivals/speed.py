@@ -39,6 +39,8 @@ BEHIND_PX = 6
 BLOCK = 51
 CONTRAST = 0.3
 """A pixel on a line is brighter than its surroundings by this part of full scale."""
+Warp = Callable[[Image, tuple[float, float], float, tuple[int, int]], Image]
+"""Warps an image around a centre (x, y), out to a radius, to (angle, radius) of a shape."""
 
 
 def literal(work: Work) -> Measured[Any]:
@@ -86,10 +88,6 @@ def read_slices(folder: Path) -> int:
     """Return how many samples a pullback has, all of which are read."""
     _, stream = open_recording(folder)
     return sum(stream[index].samples.size for index in range(len(stream)))
-
-
-Warp = Callable[[Image, tuple[float, float], float, tuple[int, int]], Image]
-"""Warps an image around a centre (x, y), out to a radius, to (angle, radius) of a shape."""
 
 
 def _polar_strips(

@@ -38,6 +38,7 @@ LEAST_AREA = 0.3
 M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
 LEAST_QUALITY = 0.55
 """Pairs are trusted above this rank correlation, by which multiview-stitcher judges its own."""
+Method = Callable[[Sequence[Strip], float], StripPoses]
 
 
 def opencv_scans(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
@@ -175,9 +176,6 @@ def _quiet() -> Iterator[None]:
     with warnings.catch_warnings(), contextlib.redirect_stderr(io.StringIO()):
         warnings.simplefilter("ignore")
         yield
-
-
-Method = Callable[[Sequence[Strip], float], StripPoses]
 
 
 def _with_multiview(images_of: Callable[[Sequence[Strip]], Image]) -> Method:

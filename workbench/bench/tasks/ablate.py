@@ -21,6 +21,9 @@ from endoct.workbench.bench.tasks.comparison import (
 )
 
 MAIN = "main"
+EVEN_TURNS: PartSettings = {
+    f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")
+}
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,6 @@ class Step:
         return {"oct": self.oct, "endoscope": self.endoscope, "compare": self.compare}
 
 
-EVEN_TURNS: PartSettings = {
-    f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")
-}
 STEPS: Mapping[str, Step] = {
     MAIN: Step("everything as it is"),
     "literal": Step("the paper's chain for the OCT", oct={"undistort": "sine", "wall": "maximum", **EVEN_TURNS}),

@@ -38,6 +38,16 @@ SPECKLE: Mapping[str, float] = {"low": 0.1, "middle": 0.3, "high": 0.6}
 SUCCESS_PX = 2.0
 
 AlignmentCase = Case[tuple[Panorama, Panorama], Alignment | TrueMap]
+RANGES: Mapping[str, Range] = {
+    "theta_shift_rad": (0.0, 2 * np.pi),
+    "overlap": (0.5, 1.0),
+    "z_scale": (0.95, 1.05),
+    "orientation": ("upright", "mirrored", "reversed", "turned"),
+    "polarity": ("dark", "bright"),
+    "noise": tuple(SPECKLE),
+    "cell_area": (0.05, 0.40),
+    "gamma": (0.5, 2.0),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +76,6 @@ class Blobs:
             block = np.ix_(rows, columns)
             scene[block] = np.maximum(scene[block], 1 / (1 + np.exp(-off / (EDGE_PX / 2))))
         return scene
-
-
-RANGES: Mapping[str, Range] = {
-    "theta_shift_rad": (0.0, 2 * np.pi),
-    "overlap": (0.5, 1.0),
-    "z_scale": (0.95, 1.05),
-    "orientation": ("upright", "mirrored", "reversed", "turned"),
-    "polarity": ("dark", "bright"),
-    "noise": tuple(SPECKLE),
-    "cell_area": (0.05, 0.40),
-    "gamma": (0.5, 2.0),
-}
 
 
 def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> AlignmentCase:

@@ -43,6 +43,16 @@ SIDES: Mapping[str, Sequence[str]] = {
     "oct": ("oct",),
     "endoscope": ("endoscope",),
 }
+RANGES: Mapping[str, Range] = {
+    "preset": PRESET_WORDS,
+    "sides": tuple(SIDES),
+    "plan_aside_mm": (PLAN_ASIDE_MM, PLAN_ASIDE_MM),
+    "plan_tilt_deg": (PLAN_TILT_DEG, PLAN_TILT_DEG),
+    CT_VOXEL_MM: (0.3, 0.3),
+}
+USUAL: Mapping[str, Range] = {"preset": ("patient",)}
+SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
+OPTIONAL: Mapping[str, Range] = {SEEN_MM: (5.0, 30.0), WALL_SHARE: (0.3, 1.0)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +77,6 @@ class Located:
 
     sides: tuple[LocatedSide | None, ...]
     covariance: Callable[[Coordinates], Coordinates] | None = None
-
-
-RANGES: Mapping[str, Range] = {
-    "preset": PRESET_WORDS,
-    "sides": tuple(SIDES),
-    "plan_aside_mm": (PLAN_ASIDE_MM, PLAN_ASIDE_MM),
-    "plan_tilt_deg": (PLAN_TILT_DEG, PLAN_TILT_DEG),
-    CT_VOXEL_MM: (0.3, 0.3),
-}
-USUAL: Mapping[str, Range] = {"preset": ("patient",)}
-SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
-OPTIONAL: Mapping[str, Range] = {SEEN_MM: (5.0, 30.0), WALL_SHARE: (0.3, 1.0)}
 
 
 def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:

@@ -43,6 +43,8 @@ from endoct.workbench.report.figures.wall_panels import (
 )
 from endoct.workbench.report.side_findings import BothSides, SideFindings
 
+DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
+
 
 def draw_panorama(side: SideFindings) -> Drawn | None:
     """Draw intensity, and depth where there is depth, of one side in its own frame."""
@@ -75,9 +77,6 @@ def draw_walls_of(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str) 
         f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(grid)}. "
         "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
     )
-
-
-DIFFERENCE_COLOURS = (PAPER, INK, ORANGE, BLUE)
 
 
 def draw_panoramas(both: BothSides) -> Drawn | None:
