@@ -29,7 +29,7 @@ from endoct.base.files.contents import output_digest
 from endoct.base.files.output import new_output
 from endoct.workbench import api
 from endoct.workbench.page.serving import listening_socket, page_or_table
-from endoct.workbench.running.kinds import COMPARISON
+from endoct.workbench.running.outputs import COMPARISON
 
 APART_S = 0.1
 WRITING_S = 0.8

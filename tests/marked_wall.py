@@ -16,7 +16,7 @@ from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_panorama
-from endoct.workbench.running.kinds import COMPARISON, PANORAMA
+from endoct.workbench.running.outputs import COMPARISON, PANORAMA
 
 RADIUS_MM = 1.25
 DEPTH_MM = 0.4

@@ -16,7 +16,7 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.simulating import demonstrate
 from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
-from endoct.workbench.running.kinds import COMPARISON, PANORAMA, SUMMARY, output_if_any
+from endoct.workbench.running.outputs import COMPARISON, PANORAMA, SUMMARY, output_if_any
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 

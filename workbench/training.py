@@ -35,9 +35,9 @@ from endoct.synthetic.endoscope.lighting import lighting_of
 from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.specimen_files import write_endoscope
 from endoct.synthetic.truth import write_truth
-from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
+from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import SilentStages, Stages
 
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")

@@ -27,7 +27,7 @@ from endoct.workbench.dataset.set_files import (
 )
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
-from endoct.workbench.running.kinds import DATA_SET, EXPORT, REPORT, SPECIMEN
+from endoct.workbench.running.outputs import DATA_SET, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
 
 _A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")

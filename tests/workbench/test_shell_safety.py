@@ -36,8 +36,8 @@ from endoct.workbench.bench.results.score_summary import Difference, Spread
 from endoct.workbench.bench.runner import Row
 from endoct.workbench.bench.tasks.segmentation import TASK
 from endoct.workbench.commands.console import TextConsole, print_json, print_line
-from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.summarising import write_summary
+from endoct.workbench.running.outputs import json_text
 from endoct.workbench.running.progress import ConsoleStages
 
 HOSTILE = "[/x][red]:smile:\x1b[31m\u202eb\x07\rc \udce9"

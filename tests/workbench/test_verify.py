@@ -13,7 +13,7 @@ from endoct.base.files.output import new_output
 from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.page.report import write_report
-from endoct.workbench.running.kinds import COMPARISON
+from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import Verdict, verify
 
 SET = Plan(4, seed=3)

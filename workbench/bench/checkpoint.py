@@ -26,7 +26,7 @@ from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import clear_dead_scratch, new_file
 from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.task import module_of, origin
-from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.refusals import refusing_disk_errors
 
 Facts = dict[str, object]

@@ -26,7 +26,7 @@ from endoct.workbench.bench.results.score_summary import Difference, by_word, di
 from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
 from endoct.workbench.pipeline.settings import range_text
-from endoct.workbench.running.kinds import BENCH_RESULTS
+from endoct.workbench.running.outputs import BENCH_RESULTS
 from endoct.workbench.running.progress import Stages
 
 MOST_LISTED = 20

@@ -18,10 +18,9 @@ from endoct.modalities.registry import manifest_for, open_recording
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target, read_target
 from endoct.workbench.exporting.mark import BLANK, is_marked, mark
-from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.requests import CalibrateRequest, by_request
-from endoct.workbench.running.kinds import CALIBRATION
+from endoct.workbench.running.outputs import CALIBRATION, versions
 from endoct.workbench.running.progress import stages_for
 
 SAME_DIAMETER = 0.02

@@ -16,7 +16,7 @@ from endoct.base.files.output import new_output
 from endoct.modalities.tube.target import Target
 from endoct.workbench.exporting.mesh_files import Mesh, save_stl
 from endoct.workbench.requests import TargetRequest, by_request
-from endoct.workbench.running.kinds import TUBE
+from endoct.workbench.running.outputs import TUBE
 
 LEAST_BORE_MM, MOST_BORE_MM = 1.5, 4.0
 """In narrower bores, grooves of six pixels of a 50 µm printer take too much of the wall. In wider ones, nothing sees

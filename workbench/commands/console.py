@@ -11,7 +11,7 @@ from rich.text import Text
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import visible
-from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.running.outputs import json_text
 from endoct.workbench.running.progress import ConsoleStages, SilentStages, Stages
 from endoct.workbench.running.refusals import DONE, DOUBTED, NOT_ALIGNED, visible_lines
 

@@ -23,7 +23,7 @@ from endoct.workbench.desk.study import Study, picture_of
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
-from endoct.workbench.running.kinds import POSE
+from endoct.workbench.running.outputs import POSE
 
 REPORT_BYTES = 200_000_000
 MOST_LISTED = 2000

@@ -40,7 +40,7 @@ from endoct.modalities.stated import stated_keys
 from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.pipeline.information import recognise
 from endoct.workbench.pipeline.sidecar_template import missing_keys
-from endoct.workbench.running.kinds import SIDECAR
+from endoct.workbench.running.outputs import SIDECAR
 
 Kind = Literal["number", "choice", "text", "toml"]
 LONGEST = 100_000

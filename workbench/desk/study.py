@@ -22,7 +22,7 @@ from endoct.modalities.reading.recording import gives_frames
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama
 from endoct.workbench.pipeline.information import describe, recognise, side_by_side
-from endoct.workbench.running.kinds import POSE, SPECIMEN
+from endoct.workbench.running.outputs import POSE, SPECIMEN
 
 Kind = Literal["recording", "volume", "plan", "pose"]
 DEEPEST = 5

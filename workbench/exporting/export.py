@@ -12,7 +12,7 @@ from endoct.workbench.exporting.formats import Format, format_for
 from endoct.workbench.exporting.mark import is_marked
 from endoct.workbench.exporting.source import open_source
 from endoct.workbench.requests import ExportRequest, FormatName, by_request
-from endoct.workbench.running.kinds import EXPORT
+from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
 

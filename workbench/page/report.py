@@ -38,7 +38,7 @@ from endoct.workbench.report.figures.rendered import (
 from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.sections import Section, recording_sections, report_sections
 from endoct.workbench.report.side_findings import SideFindings, recording_in
-from endoct.workbench.running.kinds import FIGURES, REPORT
+from endoct.workbench.running.outputs import FIGURES, REPORT
 from endoct.workbench.running.scheduler import ALONE, Scheduler
 
 PAGE = "report.html"

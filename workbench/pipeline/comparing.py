@@ -29,7 +29,6 @@ from endoct.workbench.pipeline.hand_masks import (
     write_drawings,
     write_mask,
 )
-from endoct.workbench.pipeline.inputs import json_text, versions
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -44,6 +43,7 @@ from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, sa
 from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.requests import CompareRequest
+from endoct.workbench.running.outputs import json_text, versions
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, Task
 

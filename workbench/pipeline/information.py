@@ -27,7 +27,7 @@ from endoct.modalities.stated import stated_keys
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys, missing_lines
 from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
-from endoct.workbench.running.kinds import THUMBNAIL
+from endoct.workbench.running.outputs import THUMBNAIL
 
 _KEY_WIDTH = 18
 STATED = "stated"

@@ -15,7 +15,7 @@ from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path, 
 from endoct.modalities.reading.format import Stated
 from endoct.modalities.registry import manifest_for, manifests, sniffed
 from endoct.modalities.stated import stated_keys
-from endoct.workbench.running.kinds import SIDECAR
+from endoct.workbench.running.outputs import SIDECAR
 
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
 _NEEDED, _STATED, _FURTHER = (

@@ -19,7 +19,7 @@ from endoct.synthetic.sample.parameters import Volume
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.pipeline.settings import parse_place, parse_vary
 from endoct.workbench.requests import SimulateRequest, by_request
-from endoct.workbench.running.kinds import SPECIMEN
+from endoct.workbench.running.outputs import SPECIMEN
 from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
 

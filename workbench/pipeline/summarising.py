@@ -14,7 +14,7 @@ from endoct.fusion.files.result_file import EXPECTED, read_result
 from endoct.fusion.result import PairScores, Result
 from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of, repeatability
-from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.running.outputs import json_text
 
 Row = dict[str, str | float | None]
 """A line of a table, by column."""

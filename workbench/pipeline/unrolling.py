@@ -34,12 +34,12 @@ from endoct.modalities.illustration import illustrated
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
 from endoct.workbench.requests import UnrollRequest
+from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.scheduler import Scheduler, in_background
 

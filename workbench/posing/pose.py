@@ -12,7 +12,7 @@ from endoct.workbench.pipeline.sources import source_of
 from endoct.workbench.posing.plan import read_requested, with_labels
 from endoct.workbench.posing.sides import MOST_SIDES, side_of_comparison
 from endoct.workbench.requests import OutlookRequest, PoseRequest, by_request
-from endoct.workbench.running.kinds import POSE, output_if_any
+from endoct.workbench.running.outputs import POSE, output_if_any
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 

@@ -27,8 +27,8 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
-from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.posing.result import Made
+from endoct.workbench.running.outputs import json_text
 from endoct.workbench.running.scheduler import one_blas_thread
 
 ROWS_MM, COLUMNS = 0.05, 1024

@@ -16,8 +16,8 @@ from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RI
 from endoct.modalities.ct.ct_volume import in_world
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.modalities.ct.trajectory import Point, Trajectory
-from endoct.workbench.pipeline.inputs import versions
 from endoct.workbench.pipeline.volumes import VolumeFacts
+from endoct.workbench.running.outputs import versions
 
 FORMAT, OUTLOOK_FORMAT = "endoct-pose-1", "endoct-pose-outlook-1"
 NOTICE = "Research software, not for clinical decisions."

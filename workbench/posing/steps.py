@@ -18,7 +18,6 @@ from endoct.fusion.pose.structures import label_doubts, structures_near
 from endoct.fusion.pose.summary import summary_of
 from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.modalities.device import Device
-from endoct.workbench.pipeline.inputs import json_text
 from endoct.workbench.pipeline.sources import Source, inputs_of
 from endoct.workbench.pipeline.volumes import facts_of
 from endoct.workbench.posing.figures import draw_cut, draw_wall, draw_wall_of_plan
@@ -29,6 +28,7 @@ from endoct.workbench.posing.prediction import SideInAir, compare_with, one_thre
 from endoct.workbench.posing.result import Made, OutlookResult, PoseResult, pose_versions
 from endoct.workbench.posing.sides import make_sides, open_sides
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
+from endoct.workbench.running.outputs import json_text
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import ALONE, Scheduler, Spread
 

@@ -17,7 +17,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.desk_app import desk_app, take_file
-from endoct.workbench.running.kinds import POSE
+from endoct.workbench.running.outputs import POSE
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from endoct.fusion.files.store import load_comparison
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import load_panorama
 from endoct.workbench.page.drawn_masks import Shape, painted, shapes_from
-from endoct.workbench.running.kinds import COMPARISON
+from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import verify
 
 STROKE = {"points": [[2.0, 1.5], [2.3, 1.5]], "adds": True, "radius_mm": 0.2}

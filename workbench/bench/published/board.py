@@ -19,7 +19,7 @@ from endoct.workbench.bench.published.standings import OURS, Entrant, Loss, Stan
 from endoct.workbench.bench.results.plots import STYLES, Style
 from endoct.workbench.report.figures.drawing import PAGE_WIDTH_IN, journal_style
 from endoct.workbench.report.html_templates import rendered
-from endoct.workbench.running.kinds import BOARD
+from endoct.workbench.running.outputs import BOARD
 
 GENERATORS = {"simulator": "endoct's simulator", "second": "the second generator"}
 WORDS_OF_STATUS = {"ok": "", "declined": "declined", "failed": "failed", "missing": "missing"}

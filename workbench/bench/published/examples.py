@@ -23,7 +23,7 @@ from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.specimen_set import Entry, read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
 from endoct.workbench.dataset.set_files import add_array, add_member
-from endoct.workbench.running.kinds import EXPORT
+from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import Advance, Stages
 
 Example = dict[str, Any]

@@ -35,7 +35,7 @@ from endoct.workbench.bench.published.specimen_set import (
     read_set,
     shipped_entries,
 )
-from endoct.workbench.pipeline.inputs import versions
+from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
 

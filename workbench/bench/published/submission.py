@@ -29,8 +29,7 @@ from endoct.workbench.bench.published.specimen_set import (
 )
 from endoct.workbench.bench.runner import Plan, Row, Status, run, run_source
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
-from endoct.workbench.pipeline.inputs import versions
-from endoct.workbench.running.kinds import SUBMISSION
+from endoct.workbench.running.outputs import SUBMISSION, versions
 from endoct.workbench.running.progress import Stages
 
 FORMAT = "endoct bench submission 1"

@@ -27,7 +27,7 @@ from endoct.workbench.bench.results.score_summary import (
 )
 from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask, load_task
-from endoct.workbench.pipeline.inputs import json_text
+from endoct.workbench.running.outputs import json_text
 
 MOST_COLUMNS = 4
 """Scores in the table of results; the CSV has all."""
