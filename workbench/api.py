@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.output import output_if_any
 from endoct.modalities.device import check_device
 from endoct.modalities.registry import load_ahead
 from endoct.stitching.panorama import Panorama
@@ -16,7 +17,7 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.simulating import demonstrate
 from endoct.workbench.report.figures.rendered import FIGURES
 from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
-from endoct.workbench.running.outputs import COMPARISON, PANORAMA, SUMMARY, output_if_any
+from endoct.workbench.running.outputs import COMPARISON, PANORAMA, SUMMARY
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 

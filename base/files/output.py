@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,6 +77,15 @@ def new_output(
         for parent in made_parents:
             with suppress(OSError):  # not empty: something is there now
                 parent.rmdir()
+
+
+def output_if_any(
+    output: Path | str | None, kind: str, *, overwrite: bool, inputs: Iterable[Path]
+) -> AbstractContextManager[Path | None]:
+    """Return the context of :func:`new_output`, or one that yields None without an ``output``."""
+    if output is None:
+        return nullcontext()
+    return new_output(Path(output), kind, overwrite=overwrite, inputs=inputs)
 
 
 def check_output(

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.output import output_if_any
 from endoct.modalities.ct.label_names import OUR_TABLE
 from endoct.modalities.device import check_device
 from endoct.synthetic.sample.presets import PresetName
@@ -12,7 +13,7 @@ from endoct.workbench.pipeline.sources import source_of
 from endoct.workbench.posing.plan import read_requested, with_labels
 from endoct.workbench.posing.sides import MOST_SIDES, side_of_comparison
 from endoct.workbench.requests import OutlookRequest, PoseRequest, by_request
-from endoct.workbench.running.outputs import POSE, output_if_any
+from endoct.workbench.running.outputs import POSE
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 

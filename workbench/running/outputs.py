@@ -2,12 +2,7 @@
 
 import json
 import platform
-from collections.abc import Iterable
-from contextlib import AbstractContextManager, nullcontext
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-
-from endoct.base.files.output import new_output
 
 PANORAMA = "panorama"
 COMPARISON = "comparison"
@@ -37,15 +32,6 @@ PACKAGES = (
     "tifffile",
 )
 """Every output states the versions of these."""
-
-
-def output_if_any(
-    output: Path | str | None, kind: str, *, overwrite: bool, inputs: Iterable[Path]
-) -> AbstractContextManager[Path | None]:
-    """Return the context of :func:`~endoct.base.files.output.new_output`, or one that yields None without an output."""
-    if output is None:
-        return nullcontext()
-    return new_output(Path(output), kind, overwrite=overwrite, inputs=inputs)
 
 
 def json_text(value: object) -> str:
