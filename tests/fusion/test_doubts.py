@@ -129,6 +129,7 @@ def test_cells_that_drift_apart_cast_doubt(pairs: int, per_mm: float, error: flo
         ({"sites": 4, "jaccard_interval": None, "jaccard_without_two": (0.4, 0.84)}, ["few-cells-decide"]),
         ({"sites": 4, "jaccard_interval": None, "jaccard_without_two": (0.51, 0.96)}, []),
         ({"sites": 2, "jaccard_interval": None, "jaccard_without_two": None}, ["few-cells-decide"]),
+        ({"sites": 0}, ["nothing-to-score"]),  # whatever index two empty masks are given
     ],
 )
 def test_a_score_with_nothing_behind_it_is_doubted(overlap: dict[str, Any], doubted: list[str]) -> None:
