@@ -4,8 +4,8 @@
 
 Makes one specimen of each preset, and unrolls and compares it, or finds its pose in its CT. Does the same with the
 recordings that ``ENDOCT_RECORDINGS`` names. Writes what all of it holds to ``DIR/held.json``: digests of files and
-arrays, and every value of every ``result.json``. With ``--against``, prints what differs from an earlier run, made with
-the older ``endoct``; the figures and the page of a report are no part of it.
+arrays, and every value of every ``result.json`` and ``pose.json``. With ``--against``, prints what differs from an
+earlier run, made with the older ``endoct``; the figures and the page of a report are no part of it.
 """
 
 import argparse
@@ -26,7 +26,7 @@ SPECIMENS = {"quick": 11, "hard": 12, "mastoid": 13, "learning": 14, "paper": 15
 WITH_CT = "small-patient"
 IMAGES = ("omnidirectional/example.jpg", "pipe-end/2019_10_23_13_39_07.jpg", "endoscope-circle/demo.jpg")
 RUNS_APART = ("seconds", "versions", "inputs")
-"""Parts of ``result.json`` that differ between any two runs."""
+"""Parts of ``result.json`` and ``pose.json`` that differ between any two runs."""
 
 
 def make(endoct: Path, folder: Path, presets: list[str]) -> None:
@@ -97,7 +97,7 @@ def held(folder: Path) -> dict[str, str]:
             continue
         if path.name == "zarr.json":
             found |= dict(_stored(path, folder))
-        elif path.name == "result.json":
+        elif path.name in ("result.json", "pose.json"):
             found |= {f"{name}:{where}": value for where, value in _values(json.loads(path.read_text()))}
         elif path.suffix == ".npz":
             with np.load(path, allow_pickle=False) as arrays:
