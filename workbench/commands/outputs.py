@@ -1,6 +1,6 @@
 """Commands about outputs: write them for other programs, and check that they are as they were written."""
 
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass, replace
 from pathlib import Path
 
 from tyro.conf import Positional
@@ -27,9 +27,8 @@ class Export(ExportRequest):
         """Write the file, print what is in it, and return the exit status."""
         from endoct.workbench.exporting.export import export
 
-        given = {one.name: getattr(self, one.name) for one in fields(ExportRequest)}
-        own = {"inverse": self.inverse or None, "progress": command_stages(self.json)}
-        exported = export(ExportRequest(**given | own))
+        chosen = self.inverse or None  # a flag that is not given chooses nothing
+        exported = export(replace(self, inverse=chosen, progress=command_stages(self.json)))  # type: ignore[arg-type]
         if self.json:
             print_json(exported.to_json())
             return DONE

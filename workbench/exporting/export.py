@@ -1,23 +1,20 @@
 """One panorama, comparison or truth to one file of another program's format."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.output import check_output, never, new_output
-from endoct.workbench.exporting.formats import Format, format_for
+from endoct.workbench.exporting.formats import FORMATS, Format, format_for
 from endoct.workbench.exporting.mark import is_marked
 from endoct.workbench.exporting.source import open_source
 from endoct.workbench.requests import ExportRequest, FormatName, by_request
 from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
-
-OPTIONS = ("color", "side", "voxel_mm", "vertex_mm", "version", "inverse")
-"""Options that only some formats have."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,8 @@ def export(request: ExportRequest) -> Exported:
 
 def _check_options(chosen: Format, request: ExportRequest) -> None:
     """Raise :class:`EndoctError` for an option that the format does not have, or a value that is none."""
-    for name in OPTIONS:
+    of_some = {option for form in FORMATS.values() for option in form.options}
+    for name in (field.name for field in fields(request) if field.name in of_some):
         if name not in chosen.options and getattr(request, name) is not None:
             has = ", ".join(chosen.options) or "none"
             raise EndoctError(f"{chosen.name} has no option '{name}'", expected=has, remedy="leave it out")
