@@ -10,8 +10,9 @@ import numpy as np
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOKS_MM, grain, inputs_of, look, weights_for
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, Inputs, grain, inputs_of, look, weights_for
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
@@ -32,9 +33,14 @@ NOT_SURE = "; the learned eye is not sure of this wall"
 UNSURE = "cells-unsure"
 
 
-def is_familiar(side: Side) -> bool:
-    """Return whether the wall of ``side`` looks like those that an eye was trained on."""
-    return grain(inputs_of(side.contrast("dark"), None, LOOKS_MM[0])) <= MOST_GRAIN
+def inputs_for(side: Side, parameters: SegmentParameters) -> Inputs:
+    """Return what an eye looks at to find the cells of ``side``, which are dark."""
+    return inputs_of(side.contrast("dark"), _relief(side, parameters))
+
+
+def is_familiar(inputs: Inputs) -> bool:
+    """Return whether a wall looks like those that an eye was trained on."""
+    return grain(inputs) <= MOST_GRAIN
 
 
 def has_eye(side: Side, parameters: SegmentParameters) -> bool:
@@ -44,16 +50,18 @@ def has_eye(side: Side, parameters: SegmentParameters) -> bool:
     return fine and weights_for(side.panorama.modality, parameters.eye) is not None
 
 
-def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str | None = None) -> Segmentation:
-    """Return the cells of ``side``, which are dark, as the learned eye sees them, cleaned on the circle.
+def cells_by_eye(
+    side: Side, parameters: SegmentParameters, inputs: Inputs, polarity_from: str | None = None
+) -> Segmentation:
+    """Return the cells of ``side``, which are dark, as the learned eye sees them in ``inputs``, cleaned on the circle.
 
     Raises :class:`EndoctError` where the intensity is constant, or the eye's weights are damaged.
     """
-    darkness, relief = side.contrast("dark"), side.parallax if parameters.by_depth else None
+    darkness, relief = side.contrast("dark"), _relief(side, parameters)
     weights, valid = weights_for(side.panorama.modality, parameters.eye), darkness.valid
     if weights is None:
         raise EndoctError(f"no eye was trained for {side.panorama.modality} panoramas", remedy="set eye to 'off'")
-    probability = look(weights, darkness, relief)
+    probability = look(weights, darkness, relief, inputs)
 
     def cells_of(image: Image) -> Mask:
         probable = valid & (image > LEAST_PROBABILITY)
@@ -61,14 +69,18 @@ def cells_by_eye(side: Side, parameters: SegmentParameters, polarity_from: str |
 
     mask = cells_of(probability.of_cell)
     by_depth = None
-    if relief is not None:
-        first, without = cells_of(probability.first), cells_of(probability.without_depth)
+    if relief is not None and probability.with_depth is not None and probability.without_depth is not None:
+        decided, without = cells_of(probability.with_depth), cells_of(probability.without_depth)
         n = max(int(np.count_nonzero(valid)), 1)
-        shares = (relief.known & valid, first & ~without, without & ~first)
+        shares = (relief.known & valid, decided & ~without, without & ~decided)
         by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
     of = f"probability of a cell, by the learned eye for {side.panorama.modality} panoramas"
     doubts = tuple(_doubts(probability.of_cell, mask, valid))
     return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts)
+
+
+def _relief(side: Side, parameters: SegmentParameters) -> ParallaxRelief | None:
+    return side.parallax if parameters.by_depth else None
 
 
 def is_sure(cells: Segmentation) -> bool:

@@ -11,7 +11,15 @@ from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, cells_by_eye, has_eye, is_familiar, is_sure
+from endoct.fusion.segmentation.by_eye import (
+    NOT_SURE,
+    TOO_GRAINY,
+    cells_by_eye,
+    has_eye,
+    inputs_for,
+    is_familiar,
+    is_sure,
+)
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
@@ -53,10 +61,11 @@ def segment_side(
     by_rules = partial(find_cells, evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
     if evidence.kind != "darkness" or not has_eye(side, parameters):
         return by_rules()
-    if not is_familiar(side):
+    inputs = inputs_for(side, parameters)
+    if not is_familiar(inputs):
         cells = by_rules()
         return replace(cells, of=cells.of + TOO_GRAINY)
-    by_eye = cells_by_eye(side, parameters, polarity_from)
+    by_eye = cells_by_eye(side, parameters, inputs, polarity_from)
     if is_sure(by_eye):
         return by_eye
     cells = by_rules()

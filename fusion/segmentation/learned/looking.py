@@ -26,10 +26,10 @@ from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE
 if TYPE_CHECKING:
     from endoct.fusion.segmentation.learned.network import Eye
 
-TRAINED_MM = 0.016
-"""Distance of two samples in training."""
-LOOKS_MM = (0.012, 0.01)
-"""Distances of two samples in use, where the eye looks twice: it sees cells larger then, and so the small ones too."""
+STEP_MM = 0.016
+"""Distance of two samples, in training and in use."""
+COARSE_MM = 0.032
+"""What depth decides is found on samples so far apart: with depth and without."""
 FINEST_COLUMNS = 8
 """The number of columns is a multiple of this, since the network halves them three times."""
 DARKEST, BRIGHTEST = 1.5, -0.75
@@ -39,8 +39,9 @@ ERROR_MM = 0.1
 CHANNELS = 4
 MOST_OF_WALL = 0.1
 """A sample that is darker may be a cell."""
-PIECE_ROWS, OVERLAP_ROWS = 512, 128
-"""A long bore is looked at in pieces, which fade into each other where they overlap."""
+PIECE_ROWS, OVERLAP_ROWS = 128, 32
+"""A bore is looked at in pieces, which fade into each other where they overlap. They are as long as in training, and
+short enough for what the network makes of them to stay in memory that is at hand."""
 COARSEST_MM = 0.06
 """An eye that was trained on finer samples is not asked where samples lie farther apart than this."""
 
@@ -56,7 +57,7 @@ class Inputs:
     z_mm: Coordinates
 
 
-def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = TRAINED_MM) -> Inputs:
+def inputs_of(darkness: Evidence, relief: ParallaxRelief | None, step_mm: float = STEP_MM) -> Inputs:
     """Return the inputs of the network for a side, from its ``darkness`` and ``relief`` on the same samples."""
     n_theta = FINEST_COLUMNS * max(1, round(2 * np.pi * darkness.radius_mm / step_mm / FINEST_COLUMNS))
     z_mm = np.arange(darkness.z_mm[0], darkness.z_mm[-1] + step_mm / 2, step_mm)
@@ -100,13 +101,13 @@ def on_own_samples(probable: Image, inputs: Inputs, darkness: Evidence) -> Image
 class Probability:
     """How probably each sample is a cell, float32 (n_z, n_theta).
 
-    ``of_cell`` is by all looks, ``first`` by the first of them. ``without_depth`` is by the first look at brightness
-    alone; it is the same array as ``first`` where there is no depth.
+    ``with_depth`` and ``without_depth`` are by coarse looks, from all there is and from brightness alone; None where
+    there is no depth.
     """
 
     of_cell: Image
-    first: Image
-    without_depth: Image
+    with_depth: Image | None = None
+    without_depth: Image | None = None
 
 
 def weights_for(modality: str, eye: str) -> Path | None:
@@ -124,29 +125,24 @@ def weights_for(modality: str, eye: str) -> Path | None:
     return path if _loaded(path)[1].get("modality") == modality else None
 
 
-def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None) -> Probability:
+def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None, inputs: Inputs) -> Probability:
     """Return what the eye with ``weights`` says of a side, from its ``darkness`` and ``relief`` on the same samples.
 
-    Each look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are
-    damaged.
+    ``inputs`` are those of both. Each piece of a look is computed by one thread, so that sums have one order. Raises
+    :class:`EndoctError` where the weights are damaged.
     """
     eye = _loaded(weights)[0]
-    views = [inputs_of(darkness, relief, step_mm) for step_mm in LOOKS_MM]
-
-    given = views if relief is None else [*views, _bare(views[0])]
-
-    def look_at(view: Inputs) -> Image:
-        return on_own_samples(_probability(eye, view), view, darkness)
-
+    views = [inputs]
+    if relief is not None:
+        coarse = inputs_of(darkness, relief, COARSE_MM)
+        views += [coarse, _bare(coarse)]
     with _one_thread():
-        looks = list(thread_map(look_at, given))
-    of_cell = np.asarray(np.mean(looks[: len(views)], axis=0), dtype=np.float32)
-    return Probability(of_cell, looks[0], looks[-1] if relief is not None else looks[0])
+        return Probability(*(on_own_samples(_probability(eye, view), view, darkness) for view in views))
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Have torch add up in one order on any machine: each look by one thread."""
+    """Have torch add up in one order on any machine: each piece by one thread."""
     import torch
 
     before = torch.get_num_threads()
@@ -184,12 +180,16 @@ def _probability(eye: "Eye", inputs: Inputs) -> Image:
     import torch
 
     n_z = inputs.channels.shape[1]
-    total, weight = np.zeros(inputs.channels.shape[1:], np.float32), np.zeros((n_z, 1), np.float32)
-    for first in range(0, max(1, n_z - OVERLAP_ROWS), PIECE_ROWS - OVERLAP_ROWS):
-        piece = slice(first, min(first + PIECE_ROWS, n_z))
+    starts = range(0, max(1, n_z - OVERLAP_ROWS), PIECE_ROWS - OVERLAP_ROWS)
+    pieces = [slice(first, min(first + PIECE_ROWS, n_z)) for first in starts]
+
+    def of_piece(piece: slice) -> Image:
         with torch.inference_mode():
             logits = eye(torch.from_numpy(np.ascontiguousarray(inputs.channels[None, :, piece])))
-            probable = torch.sigmoid(logits)[0].numpy()
+            return np.asarray(torch.sigmoid(logits)[0].numpy())
+
+    total, weight = np.zeros(inputs.channels.shape[1:], np.float32), np.zeros((n_z, 1), np.float32)
+    for piece, probable in zip(pieces, thread_map(of_piece, pieces), strict=True):
         fade = _fade(len(probable))
         total[piece] += fade * probable
         weight[piece] += fade

@@ -5,7 +5,7 @@ import pytest
 
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation import by_eye
-from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, expected_jaccard, is_familiar, is_sure
+from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, expected_jaccard, inputs_for, is_familiar, is_sure
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
@@ -32,7 +32,7 @@ def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float
     light = np.exp(rng.normal(0, noise, shape) - 0.8 * cell).astype(np.float32)
     ones = np.ones(shape)
     side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
-    assert is_familiar(side) == familiar
+    assert is_familiar(inputs_for(side, SegmentParameters())) == familiar
     found = segment_side(side, SegmentParameters(), "dark")
     assert ("learned eye for endoscope" in found.of) == familiar
     assert found.of.endswith(TOO_GRAINY) != familiar
@@ -51,7 +51,7 @@ def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> Non
     ones = np.ones(shape)
     side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", 0.0 if sure else 1.1)
-    assert is_sure(by_eye.cells_by_eye(side, SegmentParameters())) == sure
+    assert is_sure(by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
     found = segment_side(side, SegmentParameters(), "dark")
     assert found.of.endswith(NOT_SURE) != sure
     assert not found.doubts

@@ -16,7 +16,7 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian, masked_gaussian
 from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye
+from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye, inputs_for
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.stitching.panorama import Panorama
@@ -49,7 +49,8 @@ def learned_eye(panorama: Panorama) -> Mask:
     side = Side(panorama.modality, panorama)
     if panorama.depth_mm is not None or not has_eye(side, SegmentParameters()):
         raise Declined("no eye was trained for such panoramas")
-    return cells_by_eye(side, SegmentParameters()).mask
+    parameters = SegmentParameters()
+    return cells_by_eye(side, parameters, inputs_for(side, parameters)).mask
 
 
 @cache

@@ -12,7 +12,8 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
-from endoct.fusion.segmentation.learned.looking import TRAINED_MM, inputs_of, look, on_own_samples, weights_for
+from endoct.fusion.segmentation.learned.looking import STEP_MM as LOOK_MM
+from endoct.fusion.segmentation.learned.looking import Probability, inputs_of, look, on_own_samples, weights_for
 from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
 
 N_Z, N_THETA, STEP_MM = 130, 400, 0.02
@@ -45,42 +46,50 @@ def weights() -> Path:
     return ours
 
 
+def seen_by(weights: Path, evidence: Evidence, depth: ParallaxRelief | None) -> Probability:
+    return look(weights, evidence, depth, inputs_of(evidence, depth))
+
+
 def jaccard(one: Mask, other: Mask) -> float:
     return float((one & other).sum() / (one | other).sum())
 
 
 def test_dark_and_deep_cells_are_seen_across_the_seam_and_plain_wall_is_none(weights: Path) -> None:
-    seen = look(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS))
+    seen = seen_by(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS))
     assert jaccard(seen.of_cell > 0.5, CELLS) > 0.8
     assert seen.of_cell[~disc(40, 2, 0.5) & ~disc(90, 200, 0.45)].mean() < 0.05
     assert seen.of_cell[disc(40, 2, 0.2)].min() > 0.5
 
 
 def test_depth_shows_floors_as_bright_as_the_wall(weights: Path) -> None:
-    seen = look(weights, darkness(0 * CELLS), relief(0.25 * CELLS))
+    seen = seen_by(weights, darkness(0 * CELLS), relief(0.25 * CELLS))
     assert jaccard(seen.of_cell > 0.5, CELLS) > 0.6
+    assert seen.with_depth is not None
+    assert seen.without_depth is not None
+    assert jaccard(seen.with_depth > 0.5, CELLS) > 0.6
     assert not (seen.without_depth > 0.5).any()
 
 
-def test_without_depth_both_answers_are_one(weights: Path) -> None:
-    seen = look(weights, darkness(0.6 * CELLS), None)
-    assert seen.first is seen.without_depth
+def test_without_depth_nothing_is_said_of_what_it_decides(weights: Path) -> None:
+    seen = seen_by(weights, darkness(0.6 * CELLS), None)
+    assert seen.with_depth is None
+    assert seen.without_depth is None
 
 
 def test_turning_the_bore_by_whole_samples_turns_what_is_seen(weights: Path) -> None:
     values = darkness(0.6 * CELLS).values
     turned = replace(darkness(0.6 * CELLS), values=np.roll(values, 100, axis=1))
-    one = look(weights, replace(turned, values=values), None).of_cell
-    other = look(weights, turned, None).of_cell
+    one = seen_by(weights, replace(turned, values=values), None).of_cell
+    other = seen_by(weights, turned, None).of_cell
     assert (np.abs(np.roll(one, 100, axis=1) - other) < 0.05).mean() > 0.99
 
 
 def test_a_long_bore_is_seen_alike_in_pieces(weights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     evidence = darkness(0.6 * np.concatenate([CELLS, CELLS]))
-    whole = look(weights, evidence, None).of_cell
-    monkeypatch.setattr(looking, "PIECE_ROWS", 200)
-    monkeypatch.setattr(looking, "OVERLAP_ROWS", 64)
-    pieces = look(weights, evidence, None).of_cell
+    whole = seen_by(weights, evidence, None).of_cell
+    monkeypatch.setattr(looking, "PIECE_ROWS", 96)
+    monkeypatch.setattr(looking, "OVERLAP_ROWS", 24)
+    pieces = seen_by(weights, evidence, None).of_cell
     assert np.isfinite(pieces).all()
     assert ((whole > 0.5) == (pieces > 0.5)).mean() > 0.99
 
@@ -96,7 +105,7 @@ def test_inputs_tell_what_is_known_and_lead_back() -> None:
     assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
     assert (back[2][disc(90, 200, 0.2)] == 0).all()
     assert (back[3][disc(60, 300, 0.1)] == 0).all()
-    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(TRAINED_MM)
+    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(LOOK_MM)
 
 
 def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
@@ -123,7 +132,7 @@ def test_the_number_of_torchs_threads_changes_nothing(weights: Path) -> None:
     answers = []
     for n in (1, 2):
         torch.set_num_threads(n)
-        answers.append(look(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS)).of_cell)
+        answers.append(seen_by(weights, darkness(0.6 * CELLS), relief(0.25 * CELLS)).of_cell)
         assert torch.get_num_threads() == n
     torch.set_num_threads(before)
     np.testing.assert_array_equal(*answers)
