@@ -10,6 +10,7 @@ The loss is cross-entropy, which makes the network's answers probabilities, and 
 
 import json
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,8 +25,8 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.fusion.evidence.evidence import on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.learned.looking import PIECE_ROWS, inputs_of
-from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
+from endoct.fusion.segmentation.learned.looking import PIECE_ROWS, eye_of, inputs_of
+from endoct.fusion.segmentation.learned.network import HALVED, Eye, save_eye
 from endoct.modalities.device import Device, check_device
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.bone.wall import build_wall
@@ -94,7 +95,7 @@ def train(
         if number < 1:
             raise EndoctError(f"an eye cannot be trained by {number} {name}", expected="at least 1")
     check_device(device)
-    before, card_before = (None, {}) if start is None else load_eye(start)
+    before, card_before = (None, None) if start is None else eye_of(start)
     chosen = bores(n_bores)
     with new_output(output, KIND, overwrite=overwrite) as folder:
         folder.mkdir(exist_ok=True)
@@ -104,7 +105,7 @@ def train(
             eye = fitted(examples, steps, batch, seed, device, advance, before)
         card: dict[str, object] = {
             "modality": MODALITY,
-            "started_from": None if start is None else card_before,
+            "started_from": card_before,
             "trained_on": [f"{preset} {of}" for preset, of in chosen],
             "steps": steps,
             "batch": batch,
@@ -133,7 +134,7 @@ def fitted(
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     there = [Example(one.channels.to(device), one.cell.to(device)) for one in examples]
-    eye = (start or Eye()).train().to(device)
+    eye = (Eye() if start is None else deepcopy(start)).train().to(device)
     rate = RATE if start is None else REFINING * RATE
     optimiser = torch.optim.AdamW(eye.parameters(), rate, weight_decay=DECAY)
     for step in range(steps):

@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.learned.looking import COARSEST_MM, Inputs, grain, inputs_of, look, weights_for
-from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
@@ -41,6 +41,20 @@ def inputs_for(side: Side, parameters: SegmentParameters) -> Inputs:
 def is_familiar(inputs: Inputs) -> bool:
     """Return whether a wall looks like those that an eye was trained on."""
     return grain(inputs) <= MOST_GRAIN
+
+
+def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
+    """Raise :class:`EndoctError` where the user's own weights are for no side whose cells its intensity shows."""
+    if parameters.eye in (OUR_EYE, NO_EYE):
+        return
+    seen = {one.panorama.modality for one in sides if not one.cell_evidence(parameters.segment).knows_cells}
+    if all(weights_for(modality, parameters.eye) is None for modality in seen):
+        raise EndoctError(
+            f"the learned eye {parameters.eye} has nothing to look at",
+            found=", ".join(sorted(seen)) or "sides with depth and masks alone",
+            expected="a side of the modality in its card whose cells show by intensity",
+            remedy="name other weights, or leave the setting 'eye' out",
+        )
 
 
 def has_eye(side: Side, parameters: SegmentParameters) -> bool:
@@ -84,8 +98,8 @@ def _relief(side: Side, parameters: SegmentParameters) -> ParallaxRelief | None:
 
 
 def is_sure(cells: Segmentation) -> bool:
-    """Return whether a learned eye is sure of the ``cells`` that it found."""
-    return all(doubt.code != UNSURE for doubt in cells.doubts)
+    """Return whether a learned eye is sure of the ``cells`` that it found; where it found none, it may be blind."""
+    return bool(cells.mask.any()) and all(doubt.code != UNSURE for doubt in cells.doubts)
 
 
 def expected_jaccard(probability: Image, mask: Mask, valid: Mask) -> float:

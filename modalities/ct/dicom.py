@@ -13,25 +13,29 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import DicomFile, dicom_files, named
+from endoct.modalities.ct.dicom_files import dicom_files, named
 from endoct.modalities.ct.dicom_slices import (
     Frame,
     Slice,
     axes_of,
     frames_of,
+    numbers_of,
+    padding_of,
     position_of,
     slices_of,
     spacing_of,
-    stored_numbers,
 )
+from endoct.modalities.ct.hounsfield import LEAST_HU, MOST_HU
 from endoct.modalities.ct.slice_grid import SliceGrid, slice_grid
 from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
-from endoct.modalities.dicom.dicom_file import reading_dicom
+from endoct.modalities.dicom.dicom_file import DicomFile, reading_dicom
+from endoct.modalities.dicom.image import image_of
 
 if TYPE_CHECKING:
     from pydicom import Dataset
 
 LABEL_MAP = "LABELMAP"
+AIR_HU = -1000
 MOST_SLICES = 20_000
 
 
@@ -65,11 +69,12 @@ def read_segmentation(file: DicomFile) -> StoredVolume:
                 remedy="export it as a binary segmentation",
             )
         names = _names(file)
-        frames = list(frames_of(file))
+        image = image_of(file)
+        frames = list(frames_of(image))
         placed = _placed(file, frames)
         shape = int(placed.index.max()) + 1, int(file.header.Rows), int(file.header.Columns)
         check_array_size(shape, 2, str(file.path))
-        numbers = stored_numbers(file)
+        numbers = np.stack([numbers_of(image, index) for index in range(image.n_frames)])
         if kind == LABEL_MAP:
             voxels: NDArray[Any] = np.zeros(shape, numbers.dtype)
             if np.unique(placed.index).size < placed.index.size:
@@ -168,10 +173,12 @@ def _read(path: Path) -> StoredVolume:
     slices = [slice_ for file in files for slice_ in slices_of(file)]
     name = path.name or str(path)
     grid = slice_grid(slices, str(path))
+    voxels, padded = _values(grid, path)
+    on_padding, doubts = _of_padding(padded, name)
     if any(file.text("PhotometricInterpretation") == "MONOCHROME1" for file in files):
         notes = (*notes, "It is meant to be displayed inverted (MONOCHROME1); its values are as stored.")
     return StoredVolume(
-        voxels=_values(grid, path),
+        voxels=voxels,
         origin_mm=grid.origin_mm,
         steps_mm=grid.steps_mm,
         coordinates="lps",
@@ -179,34 +186,50 @@ def _read(path: Path) -> StoredVolume:
         kind=f"DICOM, {len(slices)} slices",
         files=tuple(file.path for file in files),
         tilted=grid.tilted,
-        notes=(*notes, *grid.notes),
-        doubts=(*_doubts(files, name), *_of_rescale(slices, name), *grid.doubts),
+        notes=(*notes, *grid.notes, *on_padding),
+        doubts=(*_doubts(slices, name), *_of_rescale(slices, name), *grid.doubts, *doubts),
     )
 
 
-def _values(grid: SliceGrid, path: Path) -> NDArray[Any]:
-    """Return the values of all slices, whole numbers where slopes and intercepts are."""
-    n_j, n_i = grid.slices[0].shape
-    shape = len(grid.slices), n_j, n_i
+def _values(grid: SliceGrid, path: Path) -> tuple[NDArray[Any], Counter[float]]:
+    """Return the values of all slices, and how many voxels were padded, by their padding in HU; in a CT these are air.
+
+    Values are whole numbers where slopes and intercepts are.
+    """
+    shape = len(grid.slices), *grid.slices[0].shape
     whole = all(slice_.slope == 1 and slice_.intercept == round(slice_.intercept) for slice_ in grid.slices)
     dtype = np.dtype(np.int16 if whole else np.float32)
     check_array_size(shape, dtype.itemsize, str(path))
     voxels: NDArray[Any] = np.empty(shape, dtype)
-    small = np.iinfo(np.int16)
-    of_file: dict[Path, list[tuple[int, Slice]]] = {}
+    padded: Counter[float] = Counter()
     for k, slice_ in enumerate(grid.slices):
-        of_file.setdefault(slice_.file.path, []).append((k, slice_))
-    for some in of_file.values():
-        frames = stored_numbers(some[0][1].file)
-        for k, slice_ in some:
-            if not whole:
-                voxels[k] = frames[slice_.frame] * slice_.slope + slice_.intercept
-                continue
-            values = frames[slice_.frame].astype(np.int64) + int(slice_.intercept)
-            if voxels.dtype == np.int16 and not small.min <= int(values.min()) <= int(values.max()) <= small.max:
-                voxels = voxels.astype(np.int32)
-            voxels[k] = values
-    return voxels
+        numbers = numbers_of(slice_.file, slice_.frame)
+        if whole:
+            values = np.add(numbers, int(slice_.intercept), dtype=np.int64 if numbers.itemsize > 2 else np.int32)
+        else:
+            values = numbers * slice_.slope + slice_.intercept
+        if (padding := padding_of(slice_.file)) is not None and slice_.file.text("Modality") == "CT":
+            outside = (numbers >= padding[0]) & (numbers <= padding[1])
+            values[outside] = AIR_HU
+            padded[padding[0] * slice_.slope + slice_.intercept] += int(outside.sum())
+        if whole:
+            ends = np.min_scalar_type(int(values.min())), np.min_scalar_type(int(values.max()))
+            voxels = voxels.astype(np.result_type(voxels, *ends), copy=False)
+        voxels[k] = values
+    return voxels, padded
+
+
+def _of_padding(padded: Counter[float], name: str) -> tuple[tuple[str, ...], list[Doubt]]:
+    """Return what is to be said of voxels that were padded."""
+    count = sum(padded.values())
+    if not count:
+        return (), []
+    value, _ = padded.most_common(1)[0]
+    note = f"{count} voxels of {name} hold its padding value ({value:g} HU): nothing was seen there, taken for air."
+    if LEAST_HU < value < MOST_HU:
+        said = f"The padding value of {name} is one that tissue has, {value:g} HU: {count} voxels were taken for air."
+        return (), [Doubt("ct-padding-like-tissue", said, value=value, unit="HU", expected=None)]
+    return (note,), []
 
 
 def _of_rescale(slices: Sequence[Slice], name: str) -> list[Doubt]:
@@ -218,10 +241,11 @@ def _of_rescale(slices: Sequence[Slice], name: str) -> list[Doubt]:
     return [Doubt("ct-rescale-varies", said, value=float(len(other)), unit="slices", expected=0.0)]
 
 
-def _doubts(files: Sequence[DicomFile], name: str) -> list[Doubt]:
-    doubts = []
-    header = files[0].header
-    modality, unit = files[0].text("Modality"), files[0].text("RescaleType")
+def _doubts(slices: Sequence[Slice], name: str) -> list[Doubt]:
+    doubts = list(dict.fromkeys(doubt for slice_ in slices for doubt in slice_.file.doubts))
+    file = slices[0].file
+    header, coded = file.header, None if file.read is None else file.read.coded
+    modality, unit = file.text("Modality"), file.text("RescaleType")
     if modality != "CT":
         doubts.append(
             Doubt("ct-other-modality", f"{name} says that it is no CT: its modality is {modality or 'not stated'}.")
@@ -230,6 +254,6 @@ def _doubts(files: Sequence[DicomFile], name: str) -> list[Doubt]:
         doubts.append(Doubt("ct-other-unit", f"{name} says that its values are {unit[:16]}, not Hounsfield units."))
     if "RescaleSlope" not in header and "SharedFunctionalGroupsSequence" not in header:
         doubts.append(Doubt("ct-no-rescale", f"{name} does not say how its numbers become Hounsfield units."))
-    if files[0].text("LossyImageCompression") == "01":
+    if file.text("LossyImageCompression") == "01" or (coded is not None and coded.lossy):
         doubts.append(Doubt("ct-lossy", f"{name} was compressed with losses: thin walls may be gone."))
     return doubts

@@ -7,17 +7,21 @@ Why not highdicom, which makes volumes too (0.28)? It takes slices for even wher
 import stat
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import is_left_by_system, read_start
 from endoct.modalities.ct.stored import EXPECTED, odd_ones
-from endoct.modalities.dicom.dicom_file import is_dicom, kind_of, opened, read_elements
-
-if TYPE_CHECKING:
-    from pydicom import Dataset
+from endoct.modalities.dicom.dicom_file import (
+    DIRECTORY,
+    DicomFile,
+    check_parts,
+    is_dicom,
+    kind_of,
+    name_of,
+    read_file,
+)
+from endoct.modalities.dicom.image import LAYOUT, check_samples
 
 NO_DICOM_SUFFIXES = frozenset(
     (".txt", ".md", ".json", ".xml", ".csv", ".tsv", ".htm", ".html", ".pdf", ".ini", ".inf", ".log", ".toml", ".yaml",
@@ -27,40 +31,27 @@ NO_DICOM_SUFFIXES = frozenset(
 """Files with these suffixes may lie next to slices. Any other file that is no DICOM may be a damaged slice."""
 LOOKED_AT = 50
 """So many files of a folder are looked at before it counts as one without DICOM."""
-SCOUT, DIRECTORY = "LOCALIZER", "1.2.840.10008.1.3.10"
+SCOUT = "LOCALIZER"
 KEYWORDS = (
-    "SpecificCharacterSet", "ImageType", "SOPClassUID", "SOPInstanceUID", "Modality", "SeriesDescription",
+    *LAYOUT, "SpecificCharacterSet", "ImageType", "SOPInstanceUID", "SeriesDescription",
     "PatientID", "StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID", "AcquisitionNumber",
     "TemporalPositionIdentifier", "TemporalPositionIndex", "ConvolutionKernel", "SliceThickness", "KVP",
     "ReconstructionDiameter", "GantryDetectorTilt", "InstanceNumber", "ImagePositionPatient",
-    "ImageOrientationPatient", "PixelSpacing", "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel",
-    "PhotometricInterpretation", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "RescaleSlope",
-    "RescaleIntercept", "RescaleType", "ModalityLUTSequence", "LossyImageCompression",
-    "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence", "SegmentSequence", "SegmentationType",
+    "ImageOrientationPatient", "PixelSpacing", "PixelPaddingValue", "PixelPaddingRangeLimit", "RescaleSlope",
+    "RescaleIntercept", "RescaleType", "ModalityLUTSequence", "LossyImageCompression", "ConcatenationUID",
+    "InConcatenationNumber", "InConcatenationTotalNumber", "SharedFunctionalGroupsSequence",
+    "PerFrameFunctionalGroupsSequence", "SegmentSequence", "SegmentationType",
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class DicomFile:
-    """A file with its header up to the voxels."""
+def _is_scout(file: DicomFile) -> bool:
+    """Say whether a file says of itself that it is a scout (localizer, topogram)."""
+    return SCOUT in file.text("ImageType")
 
-    path: Path
-    header: "Dataset"
 
-    def text(self, keyword: str) -> str:
-        """Return the text of an element, "" where there is none."""
-        value = self.header.get(keyword)
-        return "" if value is None else str(value).strip()
-
-    @property
-    def is_scout(self) -> bool:
-        """Whether it says of itself that it is a scout (localizer, topogram)."""
-        return SCOUT in self.text("ImageType")
-
-    @property
-    def is_image(self) -> bool:
-        """Whether it should hold an image: not a report, a plan or the like."""
-        return "Rows" in self.header or "Image" in getattr(self.header.get("SOPClassUID"), "name", "Image")
+def _is_image(file: DicomFile) -> bool:
+    """Say whether a file should hold an image: not a report, a plan, a directory or the like."""
+    return "Rows" in file.header or not file.sop_class or "Image" in name_of(file.sop_class)
 
 
 def dicom_in(folder: Path) -> bool:
@@ -68,7 +59,8 @@ def dicom_in(folder: Path) -> bool:
     files = (
         entry for entry in sorted(folder.iterdir())[:LOOKED_AT] if entry.is_file() and not entry.name.startswith(".")
     )
-    return any(is_dicom(entry) and not kind_of(entry).is_recording for entry in files)
+    kinds = (kind_of(entry) for entry in files if is_dicom(entry))
+    return any(kind.sop_class != DIRECTORY and not kind.is_recording for kind in kinds)
 
 
 def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
@@ -78,27 +70,24 @@ def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
     cannot be read, and where there is no series or more than one.
     """
     paths, aside = _candidates(path) if path.is_dir() else ([path], [])
-    files = [file for entry in paths if (file := read_header(entry)).text("SOPClassUID") != DIRECTORY]
-    images = [file for file in files if file.is_image]
-    scouts = [file for file in images if file.is_scout]
-    slices = [file for file in images if not file.is_scout]
+    files = [read_file(entry, KEYWORDS) for entry in paths]
+    images = [file for file in files if _is_image(file)]
+    scouts = [file for file in images if _is_scout(file)]
+    slices = [file for file in images if not _is_scout(file)]
     if not slices:
         none = "DICOM without images" if files else "no DICOM"
         found = f"{len(scouts)} scouts only" if scouts else none
         raise EndoctError(f"{path} is no volume", found=found, expected=EXPECTED, remedy=_where_else(path))
+    for file in slices:
+        check_samples(file)
     _check_one_series(path, slices)
+    check_parts(slices, path)
     notes = [f"left out as {'scouts' if len(scouts) > 1 else 'a scout'}: {odd_ones(_names(scouts))}"] if scouts else []
-    if others := [file for file in files if not file.is_image]:
+    if others := [file for file in files if not _is_image(file)]:
         notes.append(f"left out as no images: {odd_ones(_names(others))}")
     if aside:
         notes.append(f"left out as no DICOM: {odd_ones(aside)}")
     return slices, tuple(notes)
-
-
-def read_header(path: Path) -> DicomFile:
-    """Return a file with its header. Raises :class:`EndoctError` where it cannot be read."""
-    with opened(path) as file:
-        return DicomFile(path, read_elements(file, path, KEYWORDS))
 
 
 def named(path: Path | str, frame: int | None = None) -> str:

@@ -1,10 +1,6 @@
-"""The slices in DICOM files, single or multi-frame: where each lies by its own header, and what its values mean.
-
-Stored numbers are taken as they lie in the file, or decoded by imagecodecs once their own size is known.
-"""
+"""The slices in DICOM files, single or multi-frame: where each lies by its own header, and what its values mean."""
 
 import math
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,17 +10,15 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import DicomFile, named
-from endoct.modalities.dicom.decoding import READ, RLE, Stated, decoded, decoder_of
-from endoct.modalities.dicom.dicom_file import opened, reading_dicom
+from endoct.modalities.ct.dicom_files import named
+from endoct.modalities.dicom.dicom_file import DicomFile
+from endoct.modalities.dicom.image import GREY, DicomImage, image_of
 
 if TYPE_CHECKING:
     from pydicom import Dataset
 
 NOT_UNIT = 2e-3
 """A direction's length, or a right angle's cosine, may be off by this much, as of numbers with three digits."""
-MOST_FRAMES = 20_000
 FARTHEST_MM = 1e5
 ALIKE = (
     "PatientID", "StudyInstanceUID", "FrameOfReferenceUID", "Modality", "ConvolutionKernel", "SliceThickness",
@@ -33,12 +27,6 @@ ALIKE = (
 """All slices of one volume have these in common."""
 IN_BLOCKS = ("AcquisitionNumber", "ImageType", "KVP")
 """These may change along a volume, but not to and fro."""
-NEEDED = (
-    "Rows", "Columns", "NumberOfFrames", "SamplesPerPixel", "PhotometricInterpretation", "BitsAllocated", "BitsStored",
-    "HighBit", "PixelRepresentation", "PixelData",
-)  # fmt: skip
-MOST_OTHER_BYTES = 64_000_000
-"""A file may have this many bytes besides its voxels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +40,7 @@ class Slice:
     """
 
     name: str
-    file: DicomFile
+    file: DicomImage
     frame: int
     position_mm: Coordinates
     row: Coordinates
@@ -95,21 +83,20 @@ class Frame:
 
 
 def slices_of(file: DicomFile) -> list[Slice]:
-    """Return the slices of a file. Raises :class:`EndoctError` where one does not say where it lies."""
-    with reading_dicom(file.path):
-        _check_numbers(file)
-        return [_slice(file, index, frame) for index, frame in enumerate(frames_of(file))]
+    """Return the slices of a file. Raises :class:`EndoctError` where one does not say where it lies, or is cut off."""
+    _check_grey(file)
+    image = image_of(file)
+    return [_slice(image, index, frame) for index, frame in enumerate(frames_of(image))]
 
 
-def frames_of(file: DicomFile) -> Iterator[Frame]:
+def frames_of(image: DicomImage) -> Iterator[Frame]:
     """Yield the frames of a file, in the order of its voxels."""
-    header = file.header
-    count = number_of_frames(file)
+    header, count = image.header, image.n_frames
     own = header.get("PerFrameFunctionalGroupsSequence")
     if own is None:
         if count != 1:
             raise EndoctError(
-                f"{file.path} does not say where its voxels lie",
+                f"{image.path} does not say where its voxels lie",
                 found=f"{count} frames without a position",
                 expected="an enhanced CT, or a file a slice, with Image Position (Patient)",
                 remedy="export it as CT, or save it in 3D Slicer as NRRD with its true geometry",
@@ -117,18 +104,10 @@ def frames_of(file: DicomFile) -> Iterator[Frame]:
         yield Frame((header,))
         return
     if len(own) != count:
-        raise EndoctError(f"{file.path} cannot be read", found=f"{count} frames, {len(own)} of them described")
+        raise EndoctError(f"{image.path} cannot be read", found=f"{count} frames, {len(own)} of them described")
     shared = header.get("SharedFunctionalGroupsSequence") or []
     for groups in own:
         yield Frame((groups, *shared[:1], header))
-
-
-def number_of_frames(file: DicomFile) -> int:
-    """Return how many frames a file says it has. Raises :class:`EndoctError` for a number that cannot be."""
-    count = int(file.header.get("NumberOfFrames") or 1)
-    if not 1 <= count <= MOST_FRAMES:
-        raise EndoctError(f"{file.path} cannot be read", found=f"{count} frames", expected=f"1 to {MOST_FRAMES}")
-    return count
 
 
 def position_of(frame: Frame, name: str) -> Coordinates:
@@ -161,8 +140,8 @@ def spacing_of(frame: Frame, name: str) -> tuple[float, float]:
     return between_rows, between_columns
 
 
-def _slice(file: DicomFile, index: int, frame: Frame) -> Slice:
-    at = index if number_of_frames(file) > 1 else None
+def _slice(file: DicomImage, index: int, frame: Frame) -> Slice:
+    at = index if file.n_frames > 1 else None
     name, header = named(file.path, at), file.header
     position = frame.get("PlanePositionSequence", "ImagePositionPatient")
     row, column = axes_of(frame, name)
@@ -226,93 +205,33 @@ def _decimals(value: Any) -> int:
     return max(0, digits - int(exponent or 0))
 
 
-def _check_numbers(file: DicomFile) -> None:
-    """Raise :class:`EndoctError` where the voxels of a file are no grey values of a size that can be."""
-    header = file.header
-    colours = file.text("PhotometricInterpretation")
-    samples = int(header.get("SamplesPerPixel", 1))
-    if samples != 1 or colours not in ("MONOCHROME1", "MONOCHROME2"):
+def _check_grey(file: DicomFile) -> None:
+    """Raise :class:`EndoctError` where the voxels of a file are no grey values."""
+    colours, samples = file.text("PhotometricInterpretation"), int(file.header.get("SamplesPerPixel", 1))
+    if samples != 1 or colours not in GREY:
         raise EndoctError(
             f"{file.path} is no CT",
             found=f"{colours or 'no Photometric Interpretation'}, {samples} numbers a voxel",
             expected="grey values (MONOCHROME2)",
         )
-    if not (int(header.get("Rows") or 0) > 0 and int(header.get("Columns") or 0) > 0):
-        raise EndoctError(f"{file.path} cannot be read", found="no rows and columns")
 
 
-def stored_numbers(file: DicomFile) -> NDArray[Any]:
-    """Return the stored numbers of a file's frames, (frame, row, column), whole numbers.
+def numbers_of(image: DicomImage, frame: int) -> NDArray[Any]:
+    """Return the stored numbers of a frame, (row, column), whole numbers. Raises :class:`EndoctError` for a video."""
+    if image.read is None:
+        raise EndoctError(f"{image.path} is no volume", found="a video")
+    return image.read(frame)
 
-    Raises :class:`EndoctError` where these are not all there, are compressed by an unknown method, or too many.
+
+def padding_of(image: DicomImage) -> tuple[int, int] | None:
+    """Return the least and the largest stored number that mean that nothing was seen there (PS3.3 C.7.5.1.1.2).
+
+    A header may write them without the sign that stored numbers have, and the other way round.
     """
-    shape, bits = _stated_shape(file)
-    check_array_size(shape, math.ceil(bits / 8), str(file.path))
-    with opened(file.path) as stream:
-        from pydicom import dcmread
-
-        size = os.fstat(stream.fileno()).st_size
-        if size > math.prod(shape) * math.ceil(bits / 8) + MOST_OTHER_BYTES:
-            raise EndoctError(f"{file.path} is larger than its header says", found=f"{size / 1e6:.0f} MB")
-        data = dcmread(stream, force=True, specific_tags=list(NEEDED))
-        if "PixelData" not in data:
-            raise EndoctError(f"{file.path} has no voxels", found="a file that ends before them, or no image")
-        numbers = _decoded(file, data, shape)
-    if numbers.shape != shape:
-        raise EndoctError(f"{file.path} has other voxels than it says", found=f"{numbers.shape}", expected=f"{shape}")
-    return numbers
-
-
-def _stated_shape(file: DicomFile) -> tuple[tuple[int, int, int], int]:
-    header = file.header
-    bits = int(header.get("BitsAllocated") or 0)
-    if bits not in (1, 8, 16, 32):
-        raise EndoctError(f"{file.path} cannot be read", found=f"{bits} bits a voxel", expected="1, 8, 16 or 32")
-    return (number_of_frames(file), int(header.Rows), int(header.Columns)), bits
-
-
-def _decoded(file: DicomFile, data: "Dataset", shape: tuple[int, int, int]) -> NDArray[Any]:
-    syntax = data.file_meta.get("TransferSyntaxUID") if hasattr(data, "file_meta") else None
-    if syntax is None or not syntax.is_encapsulated or str(syntax) in RLE:
-        if syntax is None:
-            from pydicom.uid import ImplicitVRLittleEndian
-
-            data.file_meta.TransferSyntaxUID = ImplicitVRLittleEndian
-        expected = math.ceil(math.prod(shape) * int(data.BitsAllocated) / 8)
-        if (syntax is None or not syntax.is_encapsulated) and len(data.PixelData) < expected:
-            raise EndoctError(
-                f"{file.path} is cut off",
-                found=f"{len(data.PixelData)} bytes of voxels",
-                expected=f"{expected}",
-                remedy="copy the series again",
-            )
-        return np.asarray(data.pixel_array).reshape(shape)
-    if decoder_of(str(syntax)) is None:
-        raise EndoctError(
-            f"{file.path} cannot be read",
-            found=f"voxels compressed as {syntax.name}",
-            expected=READ,
-            remedy="export it uncompressed",
-        )
-    return _frames(file, data, shape)
-
-
-def _frames(file: DicomFile, data: "Dataset", shape: tuple[int, int, int]) -> NDArray[Any]:
-    from pydicom.encaps import generate_frames
-
-    signed, stored = bool(data.PixelRepresentation), int(data.BitsStored)
-    if not 2 <= stored <= 16 or int(data.HighBit) != stored - 1:
-        raise EndoctError(f"{file.path} cannot be read", found=f"{stored} bits stored, up to {data.HighBit}")
-    syntax, stated = str(data.file_meta.TransferSyntaxUID), Stated(*shape[1:])
-    numbers = np.empty(shape, np.int32)
-    count = 0
-    for frame in generate_frames(data.PixelData, number_of_frames=shape[0]):
-        if count == shape[0]:
-            raise EndoctError(f"{file.path} has other pictures in it than it says", found=f"more than {count} frames")
-        numbers[count] = decoded(syntax, frame, stated, str(file.path)).astype(np.int32) & ((1 << stored) - 1)
-        count += 1
-    if count < shape[0]:
-        raise EndoctError(f"{file.path} is cut off", found=f"{count} frames", expected=f"{shape[0]}")
-    if signed:
-        numbers -= (numbers >> (stored - 1)) << stored
-    return numbers.astype(np.int16 if signed else np.uint16)
+    stated = [image.header.get(key) for key in ("PixelPaddingValue", "PixelPaddingRangeLimit")]
+    if stated[0] is None or image.read is None:
+        return None
+    most = 1 << image.read.stored
+    numbers = [int(value) % most for value in stated if value is not None]
+    ends = sorted(number - most * (image.read.signed and number >= most // 2) for number in numbers)
+    return ends[0], ends[-1]

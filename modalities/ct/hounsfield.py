@@ -13,6 +13,8 @@ from endoct.base.doubt import Doubt
 LEAST_HU = -500.0
 """A volume that holds values below this has Hounsfield units."""
 BONE_HU = 300.0
+MOST_HU = 3100.0
+"""Bone is not brighter than this; scales of 12 bits end below it."""
 LEAST_BONE = 1e-4
 """At least this share of the voxels is bone."""
 DARKEST_HU, DARK_SHARE, FEWEST_DARK = -850.0, 0.1, 10

@@ -29,6 +29,8 @@ PLACE_MM = 0.01
 """A voxel may lie this far from where its file says."""
 AXES = 3
 BLOCK_BYTES = 1 << 20
+MEMBERS = b"\x1f\x8b", b"BZh"
+"""Streams of gzip and bzip2 begin so, of which several may lie one behind the other."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ def named_file(header: Path, name: object) -> Path:
             expected="one file",
             remedy="save it as one file, .nrrd or .mha",
         )
+    name = name.removeprefix("./")
     if "/" in name or "\\" in name:
         raise EndoctError(
             f"{header} names a file that does not lie next to it",
@@ -161,10 +164,21 @@ def read_voxels(
 
 
 def _unpacked(file: BufferedReader, packing: str, most: int) -> Iterator[bytes]:
-    """Yield what a compressed stream holds, up to one byte more than ``most``; it has to be whole."""
-    stream: Any = zlib.decompressobj(32 + zlib.MAX_WBITS) if packing == "zlib" else bz2.BZ2Decompressor()
-    left, rest = most + 1, b""
-    while not stream.eof and left > 0:
+    """Yield what a compressed stream holds, or several one behind the other, up to one byte more than ``most``.
+
+    Raises ``ValueError`` where one is not whole.
+    """
+
+    def begun() -> Any:
+        return zlib.decompressobj(32 + zlib.MAX_WBITS) if packing == "zlib" else bz2.BZ2Decompressor()
+
+    stream, left, rest = begun(), most + 1, b""
+    while left > 0:
+        if stream.eof:
+            rest = stream.unused_data + file.read(BLOCK_BYTES)
+            if not rest.startswith(MEMBERS):  # some writers fill up
+                return
+            stream = begun()
         piece = rest or file.read(BLOCK_BYTES)
         if not piece and getattr(stream, "needs_input", True):
             raise ValueError("compressed voxels that are cut off")

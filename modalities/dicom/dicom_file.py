@@ -6,6 +6,7 @@ told from volumes by that.
 
 import logging
 import os
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -23,15 +24,18 @@ if TYPE_CHECKING:
 
 PREAMBLE, MAGIC = 128, b"DICM"
 START_BYTES = PREAMBLE + len(MAGIC)
-WITHOUT_PREAMBLE = (
-    b"\x08\x00\x05\x00",
-    b"\x08\x00\x08\x00",
-    b"\x08\x00\x16\x00",
-    b"\x08\x00\x00\x00",
-    b"\x02\x00\x00\x00",
+_KINDS_OF_VALUES = b"AE|AS|CS|DA|DS|DT|IS|LO|LT|OB|OW|PN|SH|SQ|ST|TM|UI|UL|UN|US|UT"
+_BARE = re.compile(
+    rb"[\x02\x08]\0[\0-\x60]\0(?:%b|..\0\0)|\0[\x02\x08]\0[\0-\x60](?:%b)" % (2 * (_KINDS_OF_VALUES,)), re.DOTALL
 )
-"""DICOM without a preamble, as old archives wrote it, begins with one of these elements: little endian."""
-DEFLATED = "1.2.840.10008.1.2.1.99"
+"""DICOM without a preamble, as old archives wrote it, begins with an element of group 2 or 8."""
+IMPLICIT, BIG_ENDIAN = "1.2.840.10008.1.2", "1.2.840.10008.1.2.2"
+PLAIN = (IMPLICIT, EXPLICIT := f"{IMPLICIT}.1", BIG_ENDIAN)
+SAMPLES, UNDEFINED = 0x7FE0_0010, 0xFFFF_FFFF
+OTHER_SAMPLES = frozenset({0x7FE0_0008, 0x7FE0_0009})
+"""These elements hold samples that are no whole numbers."""
+DIRECTORY = "1.2.840.10008.1.3.10"
+"""The class of a DICOMDIR, which stands in its meta header alone."""
 _STORAGE = "1.2.840.10008.5.1.4.1.1"
 OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING = f"{_STORAGE}.14.1", f"{_STORAGE}.14.2"
 ULTRASOUND = frozenset(f"{_STORAGE}.{end}" for end in ("3", "3.1", "6", "6.1"))
@@ -44,6 +48,32 @@ OF_CAMERAS = ("ES", "XC", "GM", "OT", "SC", "")
 IN_VESSELS = ("IVOCT", "IVUS", "OCT")
 """Catheters that turn in vessels have these modalities; ophthalmic OCT is "OPT"."""
 _LAST_OF_KIND = 0x0008_0060
+
+
+@dataclass(frozen=True, eq=False)
+class DicomFile:
+    """A file with its header up to the samples, the UID of its transfer syntax, and where the samples lie.
+
+    ``start``: at which byte they begin, 0 where there are none; ``length`` in bytes, or ``UNDEFINED``. ``in_words``:
+    whether they are words of 16 bits (OW), whatever the bits of a sample.
+    """
+
+    path: Path
+    header: "Dataset"
+    syntax: str
+    start: int = 0
+    length: int = 0
+    in_words: bool = False
+
+    def text(self, keyword: str) -> str:
+        """Return the text of an element, "" where there is none."""
+        value = self.header.get(keyword)
+        return "" if value is None else str(value).strip()
+
+    @property
+    def sop_class(self) -> str:
+        """The UID of its SOP class, "" where it does not say."""
+        return _class_of(self.header)
 
 
 @dataclass(frozen=True)
@@ -90,7 +120,7 @@ def name_of(uid: str) -> str:
 def is_dicom(path: Path) -> bool:
     """Say whether a file begins as DICOM does."""
     start = read_start(path, START_BYTES)
-    return start[PREAMBLE:] == MAGIC or start.startswith(WITHOUT_PREAMBLE)
+    return start[PREAMBLE:] == MAGIC or _BARE.match(start) is not None
 
 
 def kind_of(path: Path) -> Kind:
@@ -116,31 +146,60 @@ def _kind_of(path: Path, _state: tuple[int, int, int]) -> Kind:
                 force=True,
                 specific_tags=[0x0008_0016, _LAST_OF_KIND],
             )
-            return Kind(str(start.get("SOPClassUID") or ""), str(start.get("Modality") or ""))
+            return Kind(_class_of(start), str(start.get("Modality") or ""))
     except (EndoctError, OSError):
         return UNKNOWN
 
 
-def read_elements(file: BufferedReader, path: Path, keywords: Sequence[str]) -> "Dataset":
-    """Return those elements of an opened file that lie before its samples; the file is at the samples then.
+def _class_of(header: "Dataset") -> str:
+    return str(header.get("SOPClassUID") or header.file_meta.get("MediaStorageSOPClassUID") or "")
+
+
+def read_file(path: Path, keywords: tuple[str, ...]) -> DicomFile:
+    """Return a file with its elements of ``keywords``.
 
     Raises :class:`EndoctError` where there is no header, or the file is deflated as a whole.
     """
-    from pydicom import dcmread
+    from pydicom.filereader import read_partial
 
-    header = dcmread(file, stop_before_pixels=True, force=True, specific_tags=list(keywords))
-    if syntax_of(header) == DEFLATED:
+    found: list[tuple[int, int, str | None]] = []
+    with opened(path) as file:
+
+        def at_samples(tag: int, kind: str | None, length: int) -> bool:
+            if tag == SAMPLES:
+                found.append((file.tell(), length, kind))
+            return tag == SAMPLES or tag in OTHER_SAMPLES
+
+        header = read_partial(file, at_samples, force=True, specific_tags=_tags_of(keywords))
+        if not len(header) and not len(header.file_meta):
+            raise EndoctError(f"{path} cannot be read", found="no header of DICOM, or a damaged one")
+        implicit, little = header.original_encoding
+        plain = BIG_ENDIAN if not little else IMPLICIT if implicit else EXPLICIT
+        syntax = str(header.file_meta.get("TransferSyntaxUID") or plain)
+        start, length, kind = found[0] if found else (0, 0, None)
+        return DicomFile(path, header, syntax, start, length, kind == "OW")
+
+
+def check_parts(files: Sequence[DicomFile], path: Path) -> None:
+    """Raise :class:`EndoctError` where files are parts of a whole (PS3.3 C.7.6.16.2.2.4), and some may be missing."""
+    keys = "InConcatenationNumber", "InConcatenationTotalNumber"
+    parts, totals = (sorted(int(file.header.get(key) or 0) for file in files) for key in keys)
+    if not any((*parts, *totals, *(file.text("ConcatenationUID") for file in files))) or totals == parts == [1]:
+        return
+    if parts != list(range(1, len(files) + 1)) or set(totals) != {len(files)}:
+        numbers = ", ".join(str(part) for part in parts[:3])
         raise EndoctError(
-            f"{path} cannot be read", found="DICOM that is deflated as a whole", remedy="export it uncompressed"
+            f"{path} is a part of a recording or volume",
+            found=f"part {numbers} of {totals[-1] or 'a number that it does not say'}",
+            remedy="put all of its parts into one folder",
         )
-    if not len(header):
-        raise EndoctError(f"{path} cannot be read", found="no header of DICOM, or a damaged one")
-    return header
 
 
-def syntax_of(header: "Dataset") -> str:
-    """Return the UID of the transfer syntax, "" where the file does not say."""
-    return str(header.file_meta.get("TransferSyntaxUID") or "") if hasattr(header, "file_meta") else ""
+@lru_cache
+def _tags_of(keywords: Sequence[str]) -> list[int]:
+    from pydicom.datadict import tag_for_keyword
+
+    return [tag for keyword in keywords if (tag := tag_for_keyword(keyword)) is not None]
 
 
 class _Bounded(BufferedReader):
@@ -148,8 +207,11 @@ class _Bounded(BufferedReader):
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Return up to ``size`` bytes."""
-        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
-        return super().read(left if size is None or size < 0 else min(size, left))
+        if (
+            size is None or size < 0
+        ):  # only what is to be inflated is asked for whole, and nobody knows how far that grows
+            raise ValueError("DICOM that is deflated as a whole; export it uncompressed")
+        return super().read(min(size, max(0, os.fstat(self.fileno()).st_size - self.tell())))
 
 
 @contextmanager

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.dicom.dicom_file import ENDOSCOPIC, kind_of
-from endoct.modalities.dicom.samples import DicomImage, ReadSamples, as_seen
+from endoct.modalities.dicom.image import DicomImage
+from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
@@ -76,7 +77,7 @@ def _video(images: tuple[DicomImage, ...], remarks: Remarks) -> Frames:
     path, stream = images[0].path, images[0].stream
     if stream is None or len(images) > 1:
         raise EndoctError(f"{path} is one of several videos", remedy="put each into a folder of its own")
-    part = FilePart(path, tuple(stream.every))
+    part = FilePart(path, tuple(map(tuple, stream.tolist())))
     if not container_of(part):
         raise EndoctError(
             f"{path} cannot be read",

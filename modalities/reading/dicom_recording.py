@@ -16,8 +16,8 @@ import numpy as np
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.dicom.dicom_file import reading_dicom
-from endoct.modalities.dicom.samples import DicomImage, open_image
+from endoct.modalities.dicom.dicom_file import check_parts, reading_dicom
+from endoct.modalities.dicom.image import DicomImage, open_image
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, some_names
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 ORDER = (
     "SeriesInstanceUID", "SeriesDescription", "InstanceNumber", "SliceLocation", "AcquisitionDateTime",
-    "AcquisitionTime", "ContentTime", "ConcatenationUID", "InConcatenationTotalNumber",
+    "AcquisitionTime", "ContentTime", "ConcatenationUID", "InConcatenationNumber", "InConcatenationTotalNumber",
     "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence",
 )  # fmt: skip
 """These elements are read besides those of the samples."""
@@ -63,7 +63,7 @@ class DicomRecording:
 
     def text(self, keyword: str) -> str:
         """Return a text of the header, "" where there is none."""
-        return str(self.header.get(keyword) or "").strip()
+        return self.images[0].text(keyword)
 
 
 @contextmanager
@@ -87,14 +87,15 @@ def as_number(value: Any) -> float | None:
 
 
 def _ordered(files: Sequence[Path], images: list[DicomImage]) -> DicomRecording:
-    if str(images[0].header.get("ConcatenationUID") or "") and int(
-        images[0].header.get("InConcatenationTotalNumber") or 1
-    ) not in (1, len(images)):
-        raise EndoctError(f"{files[0]} is a part of a recording", remedy="put all of its parts into one folder")
-    if len(images) == 1:
-        return DicomRecording((images[0],))
     folder = files[0].parent
-    series = {str(image.header.get("SeriesInstanceUID") or "") for image in images}
+    check_parts(images, files[0] if len(files) == 1 else folder)
+    remarks = Remarks(doubts=tuple(dict.fromkeys(doubt for image in images for doubt in image.doubts)))
+    if len(images) == 1:
+        return DicomRecording((images[0],), remarks=remarks)
+    series = {image.text("SeriesInstanceUID") for image in images}
+    if len(series) == 1 and images[0].text("ConcatenationUID"):
+        images = sorted(images, key=lambda image: int(image.header.InConcatenationNumber))
+        return DicomRecording(tuple(images), remarks=remarks)
     if len(series) > 1 or any(image.n_frames > 1 for image in images):
         names = some_names([image.path.name for image in images])
         found = f"{len(series)} DICOM series" if len(series) > 1 else "several files of many frames"
@@ -110,7 +111,7 @@ def _ordered(files: Sequence[Path], images: list[DicomImage]) -> DicomRecording:
     order = np.argsort(np.array(numbers, np.float64), kind="stable")
     ordered = tuple(images[k] for k in order)
     values = np.array(numbers, np.float64)[order]
-    return DicomRecording(ordered, Along(values, "", "the instance numbers"), _on_order(ordered))
+    return DicomRecording(ordered, Along(values, "", "the instance numbers"), remarks + _on_order(ordered))
 
 
 def _on_order(images: tuple[DicomImage, ...]) -> Remarks:

@@ -46,7 +46,8 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
 from endoct.modalities.dicom.dicom_file import OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING, kind_of
-from endoct.modalities.dicom.samples import GREY, ReadSamples, as_seen
+from endoct.modalities.dicom.image import GREY
+from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, intensity_of, scale_of, travelled

@@ -122,7 +122,7 @@ def weights_for(modality: str, eye: str) -> Path | None:
         ours = Path(str(files(__package__))) / f"{modality}.safetensors"
         return ours if ours.is_file() else None
     path = Path(eye)
-    return path if _loaded(path)[1].get("modality") == modality else None
+    return path if eye_of(path)[1].get("modality") == modality else None
 
 
 def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None, inputs: Inputs) -> Probability:
@@ -131,7 +131,7 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None, input
     ``inputs`` are those of both. Each piece of a look is computed by one thread, so that sums have one order. Raises
     :class:`EndoctError` where the weights are damaged.
     """
-    eye = _loaded(weights)[0]
+    eye = eye_of(weights)[0]
     views = [inputs]
     if relief is not None:
         coarse = inputs_of(darkness, relief, COARSE_MM)
@@ -161,7 +161,8 @@ def _bare(inputs: Inputs) -> Inputs:
 
 
 @lru_cache(maxsize=2)
-def _loaded(weights: Path) -> "tuple[Eye, dict[str, Any]]":
+def eye_of(weights: Path) -> "tuple[Eye, dict[str, Any]]":
+    """Return the eye with ``weights``, and its card. Raises :class:`EndoctError` where they cannot be read."""
     from endoct.fusion.segmentation.learned.network import load_eye  # which loads torch
 
     try:
@@ -180,8 +181,7 @@ def _probability(eye: "Eye", inputs: Inputs) -> Image:
     import torch
 
     n_z = inputs.channels.shape[1]
-    starts = range(0, max(1, n_z - OVERLAP_ROWS), PIECE_ROWS - OVERLAP_ROWS)
-    pieces = [slice(first, min(first + PIECE_ROWS, n_z)) for first in starts]
+    pieces = _pieces(n_z)
 
     def of_piece(piece: slice) -> Image:
         with torch.inference_mode():
@@ -194,6 +194,13 @@ def _probability(eye: "Eye", inputs: Inputs) -> Image:
         total[piece] += fade * probable
         weight[piece] += fade
     return total / weight
+
+
+def _pieces(n_z: int) -> list[slice]:
+    """Return rows of pieces, all equally long, that overlap by at least ``OVERLAP_ROWS``."""
+    n = max(1, -((OVERLAP_ROWS - n_z) // (PIECE_ROWS - OVERLAP_ROWS)))
+    length = min(PIECE_ROWS, n_z)
+    return [slice(first, first + length) for first in np.linspace(0, n_z - length, n).astype(int).tolist()]
 
 
 def _fade(n: int) -> Image:

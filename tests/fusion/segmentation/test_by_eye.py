@@ -1,15 +1,40 @@
 """What Jaccard index a learned eye expects, by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
+from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation import by_eye
-from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, expected_jaccard, inputs_for, is_familiar, is_sure
+from endoct.fusion.segmentation.by_eye import (
+    NOT_SURE,
+    TOO_GRAINY,
+    check_eye,
+    expected_jaccard,
+    inputs_for,
+    is_familiar,
+    is_sure,
+)
+from endoct.fusion.segmentation.learned.network import Eye, save_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
+
+CELL = np.zeros((120, 500), bool)
+CELL[30:70, -20:] = CELL[30:70, :20] = True
+
+
+def marked_side(noise: float) -> Side:
+    """Return a wall with a dark cell across the seam, ``CELL``."""
+    shape = CELL.shape
+    grid = SurfaceGrid.full_circle(*shape, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    light = np.exp(np.random.default_rng(4).normal(0, noise, shape) - 0.8 * CELL).astype(np.float32)
+    return Side("endoscope", Panorama(grid, light, None, np.ones(shape, bool), np.ones(shape), "endoscope", True, True))
 
 
 def test_what_is_surely_cell_over_what_may_be() -> None:
@@ -25,34 +50,63 @@ def test_without_cells_all_is_well() -> None:
 
 @pytest.mark.parametrize(("noise", "familiar"), [(0.02, True), (0.3, False)])
 def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float, familiar: bool) -> None:
-    rng, shape = np.random.default_rng(4), (120, 500)
-    grid = SurfaceGrid.full_circle(*shape, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
-    cell = np.zeros(shape, bool)
-    cell[30:70, -20:] = cell[30:70, :20] = True
-    light = np.exp(rng.normal(0, noise, shape) - 0.8 * cell).astype(np.float32)
-    ones = np.ones(shape)
-    side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    side = marked_side(noise)
     assert is_familiar(inputs_for(side, SegmentParameters())) == familiar
     found = segment_side(side, SegmentParameters(), "dark")
     assert ("learned eye for endoscope" in found.of) == familiar
     assert found.of.endswith(TOO_GRAINY) != familiar
-    assert (found.mask & cell).sum() > 0.8 * cell.sum()
+    assert (found.mask & CELL).sum() > 0.8 * CELL.sum()
     off = segment_side(side, SegmentParameters(eye="off"), "dark")
     assert "eye" not in off.of
 
 
 @pytest.mark.parametrize("sure", [True, False])
 def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng, shape = np.random.default_rng(4), (120, 500)
-    grid = SurfaceGrid.full_circle(*shape, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
-    cell = np.zeros(shape, bool)
-    cell[30:70, -20:] = cell[30:70, :20] = True
-    light = np.exp(rng.normal(0, 0.02, shape) - 0.8 * cell).astype(np.float32)
-    ones = np.ones(shape)
-    side = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", 0.0 if sure else 1.1)
     assert is_sure(by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
     found = segment_side(side, SegmentParameters(), "dark")
     assert found.of.endswith(NOT_SURE) != sure
     assert not found.doubts
-    assert (found.mask & cell).sum() > 0.9 * cell.sum()
+    assert (found.mask & CELL).sum() > 0.9 * CELL.sum()
+
+
+@pytest.mark.parametrize("of", ["endoscope", "oct", None])
+def test_weights_of_the_users_look_at_a_side_or_are_refused(of: str | None, tmp_path: Path) -> None:
+    grid = SurfaceGrid.full_circle(6, 16, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    ones = np.ones(grid.shape)
+    light, depth = np.random.default_rng(1).uniform(1, 2, (2, *grid.shape)).astype(np.float32)
+    endoscope = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    oct_ = Side("oct", Panorama(grid, light, depth, ones > 0, ones, "oct", True, True))
+    path = tmp_path / "eye.safetensors"
+    save_eye(Eye(), path, {} if of is None else {"modality": of})
+    given = SegmentParameters(eye=str(path))
+    if of == "endoscope":
+        check_eye(given, endoscope, oct_)
+        check_eye(given, oct_, endoscope)
+        with pytest.raises(EndoctError, match="nothing to look at; found sides with depth"):
+            check_eye(given, oct_, oct_)
+    else:  # those for "oct" do not look at it either: its depth shows the cells
+        with pytest.raises(EndoctError, match="nothing to look at; found endoscope"):
+            check_eye(given, endoscope, oct_)
+    for eye in ("endoct", "off"):
+        check_eye(SegmentParameters(eye=eye), oct_, oct_)
+
+
+def test_a_comparison_refuses_weights_for_neither_side(tmp_path: Path) -> None:
+    grid = SurfaceGrid.full_circle(6, 16, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    ones = np.ones(grid.shape)
+    light = np.random.default_rng(1).uniform(1, 2, grid.shape).astype(np.float32)
+    one = Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True)
+    save_eye(Eye(), tmp_path / "eye.safetensors", {"modality": "oct"})
+    with pytest.raises(EndoctError, match="nothing to look at"):
+        compare_panoramas(one, one, CompareParameters(eye=str(tmp_path / "eye.safetensors")))
+
+
+def test_cells_that_the_eye_is_blind_to_are_left_to_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
+    side = marked_side(0.02)
+    monkeypatch.setattr(by_eye, "LEAST_PROBABILITY", 1.1)
+    assert not by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters())).mask.any()
+    found = segment_side(side, SegmentParameters(), "dark")
+    assert found.of.endswith(NOT_SURE)
+    assert found.mask.any()
