@@ -1,7 +1,8 @@
-"""Inputs reduced from public reports, through the command line: ``python benchmarks/public_inputs.py INPUTS``.
+"""Inputs reduced from public reports, through the command line: ``python benchmarks/public_inputs.py INPUTS …``.
 
-``INPUTS`` is the folder ``inputs`` of the real recordings. Each of its folders holds one input that was read wrongly or
-refused for a wrong reason, with a README. Printed is a table: what became of each before, and what becomes of it now.
+``INPUTS`` are the folders ``inputs`` and ``more-inputs`` of the real recordings. Each of their folders holds one input
+that was read wrongly or refused for a wrong reason, with a README. Printed is a
+table: what became of each before, and what becomes of it now.
 Status 1 where one is not read rightly, doubted by name, or refused for the right reason.
 """
 
@@ -152,7 +153,11 @@ INPUTS: Mapping[str, Input] = {
     "dicom-slow": Input("15 to 25 s", _plan("."), _refused(".dcm")),
     "grey-as-palette-png": Input("refused as colour", _INFO, _frames(12)),
     "labels-named-segments": Input("facial nerve as bone", ("info", "labels.seg.nrrd", "--json"), _labels),
-    "mask-miniswhite": Input("0.936 of the wall", (), lambda _: True),
+    "mask-imagej-overlay": Input("0.992 of the wall", (), _refused("202 values", "overlay")),
+    "mask-inverting-lut-png": Input("0.967 of the wall", (), _refused("palette in which 0 is not black")),
+    "mask-labels-from-1": Input('refused: "one and the same value"', (), _refused("values 1, 2, none of them 0")),
+    "mask-miniswhite": Input("0.936 of the wall", (), lambda ran: math.isclose(float(ran.out), 0.064, abs_tol=0.001)),
+    "mask-painted-over-picture": Input("0.992 of the wall", (), _refused("203 colours")),
     "metaimage-dimensions": Input("segmentation fault", _plan("ct.mhd"), _refused("ct.mhd")),
     "mp4-trimmed": Input('"truncated"', _INFO, _frames(15, "edit list")),
     "names-decimals": Input("0.2 0.4 … 0.25 0.75 0 1.2", _INFO, _in_place),
@@ -178,11 +183,9 @@ class Outcome:
 def outcome(folder: Path, name: str) -> Outcome:
     """Return what becomes of an input of ``folder``."""
     given = INPUTS[name]
-    if name == "mask-miniswhite":  # `compare --truth` reads it, which needs two recordings
-        from endoct.fusion.files.drawings import read_drawing
-
-        share = float(read_drawing(folder / name / "mask.tif", (40, 200)).mean())
-        return Outcome(f"read: {share:.3f} of the wall is cell", math.isclose(share, 0.064, abs_tol=0.001))
+    if name.startswith("mask-"):  # `compare --truth` reads it, which needs two recordings
+        ran = _share_of_cells(next((folder / name).glob("mask.*")))
+        return Outcome(ran.said if ran.status else f"read: {ran.out} of the wall is cell", given.right(ran))
     with contextlib.chdir(folder / name):
         ran = endoct(given.words)
     right = given.right(ran)
@@ -190,6 +193,17 @@ def outcome(folder: Path, name: str) -> Outcome:
         far_mm = farthest_of_mark(folder / name / given.words[1], place)
         return Outcome(f"{ran.said}; {far_mm:.4f} mm off", far_mm <= PLACE_MM)
     return Outcome(ran.said, right)
+
+
+def _share_of_cells(mask: Path) -> Ran:
+    """Read a mask, and say which share of it is cell."""
+    from endoct.base.errors import EndoctError
+    from endoct.fusion.files.drawings import read_drawing
+
+    try:
+        return Ran(0, f"{read_drawing(mask, None).mean():.3f}", "", mask.parent)
+    except EndoctError as error:
+        return Ran(1, "", str(error), mask.parent)
 
 
 def farthest_of_mark(path: Path, place: tuple[float, float, float]) -> float:
@@ -203,13 +217,12 @@ def farthest_of_mark(path: Path, place: tuple[float, float, float]) -> float:
 
 def main() -> int:
     """Print the table."""
-    folder = Path(sys.argv[1]).resolve()
-    outcomes = {name: outcome(folder, name) for name in INPUTS}
+    there = {path.name: path for folder in sys.argv[1:] for path in Path(folder).resolve().iterdir()}
+    outcomes = {name: outcome(there[name].parent, name) for name in INPUTS if name in there}
     print("| input | before | now | right |\n|---|---|---|---|")
     for name, now in outcomes.items():
-        print(
-            f"| {name} | {INPUTS[name].before} | {now.said.replace(str(folder), '')} | {'yes' if now.right else 'NO'} |"
-        )
+        said, right = now.said.replace(str(there[name]), ""), "yes" if now.right else "NO"
+        print(f"| {name} | {INPUTS[name].before} | {said} | {right} |")
     wrong = [name for name, now in outcomes.items() if not now.right]
     print(f"\n{len(outcomes) - len(wrong)} of {len(outcomes)} are read rightly, or refused for the right reason")
     return 1 if wrong else 0

@@ -53,6 +53,7 @@ from endoct.fusion.result import (
 )
 from endoct.fusion.scoring.overlap import Surface, find_sites, overlap
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
+from endoct.fusion.segmentation.by_eye import check_eye
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place
@@ -96,6 +97,7 @@ def compare_sides(
             found="both",
             expected="one of them: rows that were turned have the places of landmarks no longer",
         )
+    check_eye(parameters, a, b)
     if not parameters.correct_twist:
         return _compared(a, b, parameters, pairs, when_placed)
     plain = _compared(a, b, parameters)

@@ -1,22 +1,19 @@
-"""What stored numbers mean: frames coded in every way that shows the same picture, and masks as people draw them."""
+"""What stored numbers mean: frames coded in every way that shows the same picture."""
 
-import io
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
 import tifffile
-from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.frame_faults.drawn import Frames, Truth, drawn, with_sidecar
 from endoct.modalities.reading.orientation import upright
 
 Write = Callable[[Path, Random], Truth]
-_STORED_AS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 6: 8, 7: 7, 8: 6}
+STORED_AS = {1: 1, 2: 2, 3: 3, 4: 4, 5: 5, 6: 8, 7: 7, 8: 6}
 """The orientation that undoes each."""
 
 
@@ -62,7 +59,7 @@ def _channels(path: Path, frame: Frames, _: Random, how: tuple[str, str]) -> Non
 
 def _oriented(path: Path, frame: Frames, _: Random, how: tuple[int, str]) -> None:
     orientation, suffix = how
-    stored = np.ascontiguousarray(upright(frame, _STORED_AS[orientation]))
+    stored = np.ascontiguousarray(upright(frame, STORED_AS[orientation]))
     if suffix == ".tif":
         extra = [(274, "H", 1, orientation, True)]
         tifffile.imwrite(path.with_suffix(suffix), stored, photometric="minisblack", extratags=extra)
@@ -122,83 +119,3 @@ CODED: Mapping[str, Write] = {
     "one page otherwise": _tiff(_mixed),
     "pages repeated": _tiff(_repeated_pages),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnCells:
-    """A mask in a file, and which samples are cell."""
-
-    path: Path
-    cells: NDArray[np.bool_]
-
-
-def mask(folder: Path, rng: Random) -> DrawnCells:
-    """Write a mask as one of many programs would, with few cells on much wall."""
-    cells = np.zeros((40, 120), np.bool_)
-    for _ in range(rng.randint(1, 4)):
-        row, column, size = rng.randrange(30), rng.randrange(100), rng.randint(3, 9)
-        cells[row : row + size, column : column + size] = True
-    ways: tuple[Callable[[Path, NDArray[np.bool_], Random], Path], ...] = (
-        _grey, _on_transparent, _on_transparent_grey, _white_is_zero_mask, _bilevel, _labels, _palette_mask, _turned,
-    )  # fmt: skip
-    return DrawnCells(rng.choice(ways)(folder / "mask", cells, rng), cells)
-
-
-def _grey(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    path = path.with_suffix(rng.choice((".png", ".tif", ".bmp")))
-    Image.fromarray((cells * rng.choice((1, 255))).astype(np.uint8)).save(path)
-    return path
-
-
-def _on_transparent(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    under, colour = rng.choice(((0, 0, 0), (255, 255, 255))), rng.choice(((255, 0, 0), (0, 0, 0), (255, 255, 255)))
-    image = np.full((*cells.shape, 4), (*under, 0), np.uint8)
-    image[cells] = (*colour, rng.choice((255, 120)))
-    path = path.with_suffix(rng.choice((".png", ".tif")))
-    Image.fromarray(image).save(path)
-    return path
-
-
-def _on_transparent_grey(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    image = np.full((*cells.shape, 2), (rng.choice((0, 255)), 0), np.uint8)
-    image[cells] = (rng.choice((0, 200, 255)), 255)
-    Image.fromarray(image, "LA").save(path.with_suffix(".png"))
-    return path.with_suffix(".png")
-
-
-def _white_is_zero_mask(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    dtype = rng.choice((np.uint8, np.uint16))
-    stored = np.where(cells, 0, np.iinfo(dtype).max).astype(dtype)
-    tifffile.imwrite(path.with_suffix(".tif"), stored, photometric="miniswhite")
-    return path.with_suffix(".tif")
-
-
-def _bilevel(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    path = path.with_suffix(rng.choice((".png", ".tif")))
-    Image.fromarray(cells).save(path)
-    return path
-
-
-def _labels(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    labels = np.where(cells, 1 + np.arange(cells.shape[1]) // 30, 0).astype(rng.choice((np.uint8, np.uint16, np.int32)))
-    tifffile.imwrite(path.with_suffix(".tif"), labels, photometric="minisblack")
-    return path.with_suffix(".tif")
-
-
-def _palette_mask(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    """Two colours by number, the cells white on black or any colour; as optimisers order them."""
-    first = rng.random() < 0.5
-    image = Image.fromarray((cells != first).astype(np.uint8), "P")
-    cell = rng.choice(((255, 255, 255), (200, 30, 30)))
-    image.putpalette([*cell, 0, 0, 0] if first else [0, 0, 0, *cell])
-    image.save(path.with_suffix(".png"))
-    return path.with_suffix(".png")
-
-
-def _turned(path: Path, cells: NDArray[np.bool_], rng: Random) -> Path:
-    orientation = rng.randint(2, 8)
-    stored = upright(cells.astype(np.uint8) * 255, _STORED_AS[orientation])
-    buffer = io.BytesIO()
-    tifffile.imwrite(buffer, stored, photometric="minisblack", extratags=[(274, "H", 1, orientation, True)])
-    path.with_suffix(".tif").write_bytes(buffer.getvalue())
-    return path.with_suffix(".tif")

@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.frame_faults.drawn import Truth
 from benchmarks.frame_faults.folders import FAULTS, SOUND
-from benchmarks.frame_faults.pictures import CODED, mask
+from benchmarks.frame_faults.masks import SOUND_MASKS, UNCLEAR_MASKS, cells
+from benchmarks.frame_faults.pictures import CODED
 from benchmarks.frame_faults.videos import VIDEOS
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
@@ -21,9 +22,10 @@ PLACE_MM = 0.03
 """What clocks of videos and in names leave uncertain: less than a sixth of a step."""
 LOSSY = 12.0
 """Mean difference of samples that coding may leave; those of two frames differ by 85."""
-MASKS = "masks"
 WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS}
-ALL = (*WRITERS, MASKS)
+MASKS = {**SOUND_MASKS, **UNCLEAR_MASKS}
+ALL = (*WRITERS, *MASKS)
+MUST_BE_READ = (*SOUND, *SOUND_MASKS)
 RIGHT, REFUSED, DOUBTED, BELIEVED = "right", "refused", "doubted", "believed"
 
 
@@ -43,10 +45,10 @@ def tried(fault: str, number: int, seed: int, scratch: Path) -> Trial:
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir(parents=True)
     try:
-        if fault == MASKS:
-            drawn = mask(scratch, rng)
-            right = np.array_equal(read_drawing(drawn.path, drawn.cells.shape), drawn.cells)
-            return Trial(fault, number, RIGHT if right else BELIEVED, drawn.path.name)
+        if fault in MASKS:
+            path = MASKS[fault](scratch / "mask", drawn := cells(rng), rng)
+            right = np.array_equal(read_drawing(path, drawn.shape), drawn)
+            return Trial(fault, number, RIGHT if right else BELIEVED, path.name)
         truth = WRITERS[fault](scratch, rng)
         _, stream = open_recording(scratch)
         frames = [stream[k].samples for k in range(len(stream))]

@@ -49,7 +49,7 @@ def plan_seeds() -> Iterator[Seed]:
     yield Seed("json", "plan.mrk.json", {"plan.mrk.json": f'{{"markups": [{markup}]}}'.encode()})
     columns = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID"
     for version, system, more in (("4.6", "0", ""), ("4.11", "LPS", ""), ("5.4", "RAS", ",2,0")):
-        rows = "".join(f"{k},{x}.5,2,-3,0,0,0,1,1,1,0,F-{k},,{more and ',2,2'}\n" for k, x in ((1, 4), (2, 30)))
+        rows = "".join(f"{k},{x}.5,2,-3,0,0,0,1,1,1,0,F-{k},,{more}\n" for k, x in ((1, 4), (2, 30)))
         text = f"# Markups fiducial file version = {version}\n# CoordinateSystem = {system}\n# columns = {columns}\n"
         yield Seed(version, "plan.fcsv", {"plan.fcsv": (text + rows).encode()})
 

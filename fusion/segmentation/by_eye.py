@@ -12,7 +12,7 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOKS_MM, grain, inputs_of, look, weights_for
-from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
 from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
@@ -35,6 +35,20 @@ UNSURE = "cells-unsure"
 def is_familiar(side: Side) -> bool:
     """Return whether the wall of ``side`` looks like those that an eye was trained on."""
     return grain(inputs_of(side.contrast("dark"), None, LOOKS_MM[0])) <= MOST_GRAIN
+
+
+def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
+    """Raise :class:`EndoctError` where the user's own weights are for no side whose cells its intensity shows."""
+    if parameters.eye in (OUR_EYE, NO_EYE):
+        return
+    seen = {one.panorama.modality for one in sides if not one.cell_evidence(parameters.segment).knows_cells}
+    if all(weights_for(modality, parameters.eye) is None for modality in seen):
+        raise EndoctError(
+            f"the learned eye {parameters.eye} has nothing to look at",
+            found=", ".join(sorted(seen)) or "sides with depth and masks alone",
+            expected="a side of the modality in its card whose cells show by intensity",
+            remedy="name other weights, or leave the setting 'eye' out",
+        )
 
 
 def has_eye(side: Side, parameters: SegmentParameters) -> bool:

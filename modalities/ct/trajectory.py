@@ -8,7 +8,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,12 @@ Point = tuple[float, float, float]
 LEAST_LENGTH_MM = 1.0
 NEARLY_ALONG = np.cos(np.radians(10))
 ENDS = ("entry", "target")
+_SAID = {
+    "entry": re.compile(r"entry|entrance|(?:e|ep|start|begin)$"),
+    "target": re.compile(r"target|(?:t|tp|end)$"),
+}
+"""A word of a label that begins so says which end of the bore its point is."""
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
 FARTHEST_MM = 1e5
 PLACED = "defined"
@@ -37,16 +43,21 @@ _OF_FCSV: dict[str, Convention] = {"lps": "lps", "ras": "ras", "0": "ras", "1": 
 """The header's CoordinateSystem is a name from Slicer 4.11 on, and was a number before."""
 _FCSV_COLUMNS = ("id", "x", "y", "z", "ow", "ox", "oy", "oz", "vis", "sel", "lock", "label", "desc", "associatednodeid")
 _TURN = ("ow", "ox", "oy", "oz")
+_FLAGS = ("vis", "sel", "lock")
 _FCSV_STATUS = {"0": "undefined", "1": "preview", "2": PLACED, "3": "missing"}
-"""Slicer 5 writes the status as a number, after these columns and one more."""
+"""Slicer 5 writes the status as a number behind these columns, and then whether the point was made by itself."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """From ``entry_mm`` to ``target_mm``, both LPS. Raises :class:`EndoctError` where these are the same place."""
+    """From ``entry_mm`` to ``target_mm``, both LPS. Raises :class:`EndoctError` where these are the same place.
+
+    ``note``: how a file told them apart, a sentence, where its labels do not.
+    """
 
     entry_mm: Point
     target_mm: Point
+    note: str = field(default="", compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.length_mm >= LEAST_LENGTH_MM:
@@ -102,16 +113,14 @@ def is_plan(path: Path) -> bool:
 def read_line(path: Path) -> tuple[Trajectory, Convention]:
     """Return the trajectory that a markups file holds, and the convention of the file's own numbers.
 
-    One line with two control points, or one list of two points, each of them placed. Points labelled "entry" and
-    "target" are these, in whatever order; else the first one is the entry. Raises :class:`EndoctError` for anything
-    else, and where the file does not say what its coordinates mean.
+    One line with two control points, or one list of two points, each of them placed. Labels decide which is the entry;
+    where they say nothing, the first one is, with a note. Raises :class:`EndoctError` for anything else, where labels
+    contradict each other, and where the file does not say what its coordinates mean.
     """
     of_json = read_start(path, 64).removeprefix(b"\xef\xbb\xbf").lstrip()[:1] in (b"{", b"[")
     points, convention = _of_json(path) if of_json else _of_fcsv(path)
-    labels = [point.label.strip().lower() for point in points]
-    if labels == list(reversed(ENDS)):
-        points = points[::-1]
-    for end, point in zip(ENDS, points, strict=True):
+    in_order, note = _from_entry(points, path)
+    for end, point in zip(ENDS, in_order, strict=True):
         if point.status != PLACED:
             raise EndoctError(
                 f"the {end} of {path} is not placed",
@@ -119,8 +128,8 @@ def read_line(path: Path) -> tuple[Trajectory, Convention]:
                 expected=f"'{PLACED}'",
                 remedy="place it in 3D Slicer and save the line again",
             )
-    entry, target = (_place(point, convention, path) for point in points)
-    return Trajectory(entry, target), convention
+    entry, target = (_place(point, convention, path) for point in in_order)
+    return Trajectory(entry, target, note=note), convention
 
 
 def write_line(line: Trajectory, name: str, path: Path) -> None:
@@ -141,6 +150,33 @@ def write_line(line: Trajectory, name: str, path: Path) -> None:
     }
     text = json.dumps({"@schema": _SCHEMA, "markups": [markup]}, indent=1)
     path.write_text(text + "\n", encoding="utf-8", newline="\n")
+
+
+def _from_entry(points: Sequence[_Control], path: Path) -> tuple[Sequence[_Control], str]:
+    """Return the two points, the entry first, and a note where not both of their labels say so."""
+    first, second = (_end_of(point.label) for point in points)
+    if first and first == second:
+        raise EndoctError(
+            f"both points of {path} are the {first} by their labels",
+            found=" and ".join(repr(point.label[:40]) for point in points),
+            expected="an entry and a target",
+            remedy="name them so in 3D Slicer, and save the list again",
+        )
+    turned = first == "target" or second == "entry"
+    if first and second:
+        note = ""
+    elif first or second:
+        note = f"Of {path.name} one label alone says what its point is, the {first or second}; the other is the other."
+    else:
+        note = f"No label in {path.name} says which point is the entry: the first was taken for it."
+    return points[::-1] if turned else points, note
+
+
+def _end_of(label: str) -> str:
+    """Return the end of a bore that a label names, empty where it names none, or both."""
+    words = [word.lower() for word in _WORD.findall(label)]
+    ends = [end for end, said in _SAID.items() if any(said.match(word) for word in words)]
+    return ends[0] if len(ends) == 1 else ""
 
 
 def _of_json(path: Path) -> tuple[list[_Control], Convention]:
@@ -193,13 +229,14 @@ def _of_row(row: Sequence[str], names: Sequence[str], path: Path) -> _Control:
     of = dict(zip(names, row, strict=False))
     try:
         position = [float(of[axis]) for axis in "xyz"]
-        turn = sum(float(of[part]) ** 2 for part in _TURN if part in of)
-        if turn and abs(turn - 1) > 1e-3:  # no rotation: a number is missing before it
-            raise ValueError("shifted columns")
+        turn = [float(of[part]) for part in _TURN if part in of]  # a quaternion, or in Slicer 4 an angle and its axis
+        is_turn = any(abs(np.linalg.norm(part) - 1) < 1e-3 for part in (turn, turn[1:]))
+        if (any(turn) and not is_turn) or any(of.get(flag, "").strip() not in ("", "0", "1") for flag in _FLAGS):
+            raise ValueError("shifted columns: a number is missing, or has a comma of its own")
     except (KeyError, ValueError) as error:
         raise EndoctError(f"a point in {path} has no place", expected="three numbers, mm") from error
     after = row[len(names) :]
-    status = of.get("positionstatus", after[1] if len(after) > 1 else "2").strip()
+    status = of.get("positionstatus", after[0] if after else "").strip()
     return _Control(of.get("label", ""), position, _FCSV_STATUS.get(status, status or PLACED))
 
 

@@ -156,3 +156,30 @@ def test_a_mask_of_one_bit(photometric: str, tmp_path: Path) -> None:
     stored = ~CELLS if photometric == "miniswhite" else CELLS
     tifffile.imwrite(tmp_path / "m.tif", stored, photometric=photometric)
     np.testing.assert_array_equal(read_drawing(tmp_path / "m.tif", CELLS.shape), CELLS)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".bmp"])
+def test_a_mask_with_the_inverting_table_of_fiji_is_refused(suffix: str, tmp_path: Path) -> None:
+    image = Image.fromarray(CELLS.astype(np.uint8) * 255, "P")
+    image.putpalette([value for value in range(255, -1, -1) for _ in range(3)])
+    image.save(tmp_path / f"m{suffix}")
+    with pytest.raises(EndoctError, match="palette in which 0 is not black, and another number is"):
+        read_drawing(tmp_path / f"m{suffix}", CELLS.shape)
+
+
+@pytest.mark.parametrize("transparent", [{}, {"transparency": 0}])
+def test_labels_with_a_colour_each_in_a_png_that_is_stored_turned(transparent: dict[str, int], tmp_path: Path) -> None:
+    labels = CELLS.astype(np.uint8)
+    labels[12:16, 30:35] = 2
+    exif = Image.Exif()
+    exif[274] = 3
+    image = Image.fromarray(labels[::-1, ::-1].copy(), "P")
+    image.putpalette([*((255, 255, 255) if transparent else (0, 0, 0)), 128, 0, 0, 0, 128, 0, 9, 9, 9])
+    image.save(tmp_path / "m.png", exif=exif, **transparent)
+    np.testing.assert_array_equal(read_drawing(tmp_path / "m.png", CELLS.shape), labels > 0)
+
+
+def test_most_of_a_mask_as_white_where_0_is_white_is_refused(tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "m.tif", CELLS.astype(np.uint8) * 255, photometric="miniswhite")
+    with pytest.raises(EndoctError, match="of it white, in a file that changes"):
+        read_drawing(tmp_path / "m.tif", CELLS.shape)

@@ -8,7 +8,9 @@ What both folders hold is up to the task, see :class:`endoct.workbench.bench.tas
 import json
 import shlex
 import subprocess
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +18,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from endoct.base.compute.process_group import process_group
 from endoct.base.errors import EndoctError, cause_of
 from endoct.base.files.files import open_regular
 from endoct.base.files.json_values import read_object
 from endoct.base.files.npy import read_npy
 from endoct.base.files.scratch import TemporaryFolder
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.task import AnyTask, Declined, Exchange
+from endoct.workbench.bench.task import AnyTask, Declined, Exchange, method_names
 
 GIVEN, ANSWER = "given.json", "answer.json"
 LONGEST_LAST_WORDS = 200
+LONGEST_S = 3600.0
+MOST_BYTES = 1_000_000_000
+"""What a program may take for one case, and what it may print and answer altogether; beyond either it is ended."""
+LOOK_S = 0.02
+"""How often a program is looked at."""
 
 
 @dataclass(frozen=True)
@@ -51,26 +59,68 @@ class Program:
 
     def _run(self, folders: list[Path]) -> None:
         command = [*shlex.split(self.command), *map(str, folders)]
+        out, err = (folders[0].parent / name for name in ("printed", "complained"))
         try:
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+            with (
+                out.open("wb") as stdout,
+                err.open("wb") as stderr,
+                process_group(command, stdout=stdout, stderr=stderr) as process,
+            ):
+                self._wait(process, (out, err, folders[1]))
         except OSError as error:
             raise EndoctError(f"the program '{command[0]}' cannot be run", found=cause_of(error)) from error
-        if done.returncode:
-            last = (done.stderr or done.stdout).strip().splitlines()[-1:] or ["nothing printed"]
-            status = f"exit status {done.returncode}"
-            raise EndoctError(f"the program failed with {status}", found=last[0][-LONGEST_LAST_WORDS:])
+        if process.returncode:
+            last = _last_words(err) or _last_words(out) or "nothing printed"
+            raise EndoctError(f"the program failed with exit status {process.returncode}", found=last)
+
+    def _wait(self, process: "subprocess.Popen[bytes]", written: tuple[Path, ...]) -> None:
+        """Wait for a program. Raises :class:`EndoctError` where it takes or writes more than it may."""
+        until = time.monotonic() + LONGEST_S
+        while True:
+            if (n_bytes := sum(map(_size, written))) > MOST_BYTES:
+                raise EndoctError(
+                    "the program was ended: it writes too much",
+                    found=f"{n_bytes / 1e9:.3g} GB",
+                    expected=f"{MOST_BYTES / 1e9:g} GB at most for a case",
+                )
+            if time.monotonic() > until:
+                raise EndoctError("the program was ended: it takes too long", expected=f"{LONGEST_S:g} s at most")
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(LOOK_S)
+                return
+
+
+def _size(path: Path) -> int:
+    """Return the bytes of a file, or of all files below a folder, links not followed."""
+    total = 0
+    for place in (path, *path.rglob("*")):
+        with suppress(OSError):  # it was renamed meanwhile
+            total += place.lstat().st_size
+    return total
+
+
+def _last_words(path: Path) -> str:
+    """Return the end of the last line that a program printed, "" where there is none."""
+    with path.open("rb") as file:
+        file.seek(max(0, file.seek(0, 2) - 10 * LONGEST_LAST_WORDS))
+        lines = file.read().decode(errors="replace").strip().splitlines()
+    return lines[-1][-LONGEST_LAST_WORDS:] if lines else ""
 
 
 def with_programs(task: AnyTask, programs: Mapping[str, str]) -> AnyTask:
     """Return the task with programs as further methods, by name.
 
-    Raises :class:`EndoctError` where the task states no files for them, or a command cannot be split.
+    Raises :class:`EndoctError` where the task states no files for them, a command cannot be split, or a name is that of
+    a method that is no program.
     """
     if not programs:
         return task
     if task.exchange is None:
         raise EndoctError(f"the task '{task.name}' cannot be given to programs", remedy="write the method in Python")
+    taken = method_names(task)
     for name, command in programs.items():
+        if name in taken:
+            raise EndoctError(f"a program cannot be called '{name}'", found="a method of that name", remedy="rename it")
         try:
             words = shlex.split(command)
         except ValueError as error:

@@ -6,6 +6,7 @@ A method is one function with the signature its task states, registered under th
 """
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoints, entry_points
@@ -24,6 +25,9 @@ SUCCESS = "success"
 
 DOUBTED = "doubted"
 """The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
+
+OF_ONE = "Jaccard", "precision", "recall", "share"
+"""What a score is begins with one of these where it lies between 0 and 1; where it may be negative, it has "minus"."""
 
 UP, DOWN = " up", " down"
 """Names of two methods that change one thing both ways end so. They share a line where differences are drawn."""
@@ -109,8 +113,8 @@ class Task(Generic[Given, Truth, Answer]):
     judge: ``judge(case, answer)`` returns the scores. Must treat all methods alike. May raise :class:`Declined`; any
         other exception means that the answer is useless.
     ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
-    scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them. ``success`` and
-        ``doubted`` need no entry.
+    scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them, see :data:`OF_ONE`.
+        ``success`` and ``doubted`` need no entry.
     usual: what ``ranges`` are narrowed to unless the user wants something else.
     optional: further conditions and what they may be drawn from; only drawn where the user wants them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
@@ -205,6 +209,16 @@ def load_method(task: AnyTask, name: str) -> Function:
         raise EndoctError(f"the method '{name}' is no function", found=type(method).__name__)
     loaded: Function = method
     return loaded
+
+
+def score_range(task: AnyTask, score: str) -> tuple[float, float]:
+    """Return the least and the largest value that a score can have. Raises :class:`EndoctError` for an unknown one."""
+    if score in (SUCCESS, DOUBTED):
+        return 0.0, 1.0
+    if score not in task.scores:
+        unknown_name(score, (*task.scores, SUCCESS), f"score of '{task.name}'")
+    about = task.scores[score]
+    return (-math.inf if " minus " in about else 0.0), (1.0 if about.startswith(OF_ONE) else math.inf)
 
 
 def origin(task: AnyTask, name: str) -> str:

@@ -235,30 +235,48 @@ def check(
     data: Positional[Path],
     sample: int = 2,
     methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
+    program: tuple[str, ...] = (),
     json: bool = False,
 ) -> int:
-    """Run a sample of a submission again, and compare the scores to the last digit.
+    """Run a sample of a submission again, and compare the scores to the last digit. No command of the file is run.
 
     Args:
         submission: the file that `endoct bench submit` wrote
         data: folder of the set it was run on
         sample: how many specimens to run again
-        methods: names of methods, separated by commas; default: all of the submission
+        methods: names of methods, separated by commas; default: all of the submission, but programs only
+            where --program says how
+        program: how to run a method that is a program, NAME=COMMAND
         json: print as JSON
     """
+    from endoct.workbench.bench.program import parse_programs
     from endoct.workbench.bench.published.submission import check as run
 
     if sample < 1:
         raise EndoctError("--sample must be at least 1", found=str(sample))
-    checked = run(submission, data, sample=sample, methods=_names(methods), stages=command_stages(json))
+    checked = run(
+        submission,
+        data,
+        sample=sample,
+        methods=_names(methods),
+        programs=parse_programs(program),
+        stages=command_stages(json),
+    )
     counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
     if json:
         reruns = [
             {"verdict": one.verdict, "stated": one.stated.model_dump(), "again": one.again.model_dump()}
             for one in checked.reruns
         ]
-        print_json({"counts": counts, "rows": reruns})
+        programs = {
+            name: {"stated": checked.submission.programs[name], "here": here or None}
+            for name, here in checked.programs.items()
+        }
+        print_json({"counts": counts, "programs": programs, "rows": reruns})
     else:
+        for name, here in checked.programs.items():
+            done = f"run here as: {here}" if here else "not run again; say how with --program NAME=COMMAND"
+            print_line(f"{name}: a program, in the file: {checked.submission.programs[name]}; {done}")
         for one in checked.reruns:
             if one.verdict != "equal":
                 before, after = one.stated, one.again

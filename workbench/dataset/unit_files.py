@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import open_regular
 from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.loader import read_specimen
@@ -259,7 +260,7 @@ def add_specimen(tar: tarfile.TarFile, name: str, folder: Path) -> None:
 
 def copy_specimens(shard: Path, tar: tarfile.TarFile) -> None:
     """Add all that ``shard`` holds."""
-    with tarfile.open(shard) as old:
+    with open_regular(shard) as file, tarfile.open(fileobj=file, mode="r:") as old:
         for member in old:
-            if (file := old.extractfile(member)) is not None:
-                tar.addfile(member, file)
+            if (inner := old.extractfile(member)) is not None:
+                tar.addfile(member, inner)

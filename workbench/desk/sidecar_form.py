@@ -17,7 +17,6 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 import tomlkit
 from pydantic.fields import FieldInfo
-from tomlkit.exceptions import TOMLKitError
 
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
 from endoct.base.errors import EndoctError, refusing
@@ -39,7 +38,7 @@ from endoct.modalities.registry import manifest_for, sniffed
 from endoct.modalities.stated import stated_keys
 from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.pipeline.information import recognise
-from endoct.workbench.pipeline.sidecar_template import missing_keys
+from endoct.workbench.pipeline.sidecar_template import missing_keys, toml_value
 from endoct.workbench.running.outputs import SIDECAR
 
 Kind = Literal["number", "choice", "text", "toml"]
@@ -122,7 +121,7 @@ class SidecarForm:
                 document.remove(key)
             for key, value in keys.items():
                 if key not in document or document[key] != value:
-                    document[key] = value
+                    document[key] = tomlkit.value(toml_value(key, value)) if isinstance(value, list) else value
             text = tomlkit.dumps(document)
             if tomllib.loads(text) != keys:
                 raise EndoctError("its values would change")
@@ -241,13 +240,9 @@ def _text(value: object) -> str:
     """Return a value as the form has it, on one line: texts as they are, others as TOML."""
     if isinstance(value, str):
         return value
-    if isinstance(value, Mapping):
-        table = tomlkit.inline_table()
-        table.update(value)
-        return table.as_string()
     try:
-        return str(tomlkit.item(value).as_string())
-    except (TOMLKitError, ValueError, TypeError):
+        return toml_value("", value)
+    except EndoctError:
         return str(value)
 
 

@@ -25,7 +25,8 @@ from endoct.base.files.files import plain_name
 from endoct.base.files.json_values import object_in
 from endoct.base.files.output import new_output
 from endoct.base.zarr.zarr_store import read_arrays
-from endoct.fusion.files.drawings import fill, read_drawing
+from endoct.fusion.files.drawings import read_drawing
+from endoct.fusion.files.outlines import fill
 from endoct.fusion.files.session import MASKS
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment

@@ -24,6 +24,7 @@ from endoct.stitching.store import save_panorama
 from endoct.workbench.pipeline.hand_masks import (
     Against,
     check_truth,
+    doubts_of_drawings,
     score_drawings,
     truth_on,
     write_drawings,
@@ -130,8 +131,10 @@ def _completed(
     """Return the result with what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
+    doubts = (*result.doubts, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
-        result = result.model_copy(update={"doubts": (doubt, *result.doubts)})
+        doubts = (doubt, *doubts)
+    result = result.model_copy(update={"doubts": doubts})
     return result.completed(
         truth=against.truth,
         raters=against.raters,

@@ -1,6 +1,6 @@
 """Masks given as truth: they are read, each side is scored against every one, and several raters against each other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,9 +9,10 @@ import numpy as np
 import tomli_w
 
 from endoct.base.arrays import Mask
+from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.fusion.evidence.side import DrawnMask
-from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, read_drawing
+from endoct.fusion.evidence.side import DrawnMask, Side
+from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.masks import (
     DRAWN_STORE,
     MAJORITY,
@@ -21,6 +22,7 @@ from endoct.fusion.files.masks import (
     save_drawings,
     score_surface,
 )
+from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
 from endoct.fusion.result import Consensus, DrawnBy, MaskScores, Raters
 from endoct.fusion.scoring.overlap import Surface
 from endoct.fusion.scoring.raters import MOST_DRAWINGS, Drawing, majority, rater_agreement, staple
@@ -33,6 +35,8 @@ METHODS = {
     "majority": "cell where more than half of the raters drew one, each by the mean over the sessions",
     "staple": "STAPLE (Warfield 2004), every drawing a rater of its own",
 }
+MOST_DRAWN = 0.5
+"""A mask with more of the wall may be drawn black on white."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +100,17 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], toler
         performance=performance,
     )
     return Against(truth, drawings, raters, by_majority)
+
+
+def doubts_of_drawings(sides: Sequence[Side], against: Against) -> Iterator[Doubt]:
+    """Yield the doubt about each mask, a side or given as truth, that has most of the wall as cell."""
+    masks = [(side.drawing.file, side.drawing.mask) for side in sides if side.drawing is not None]
+    drawn = zip(against.truth, against.drawings, strict=True)
+    masks += [(Path(path).name, drawing.mask[drawing.valid]) for path, drawing in drawn]
+    for name, mask in masks:
+        if (share := np.count_nonzero(mask) / max(mask.size, 1)) > MOST_DRAWN:
+            what = f"In the mask {name} {share:.0%} of the wall is cell; it may be drawn black on white."
+            yield Doubt("mask-mostly-cells", what, value=share, unit="1", expected=(0.0, MOST_DRAWN))
 
 
 def write_drawings(against: Against, grid: SurfaceGrid, folder: Path) -> None:

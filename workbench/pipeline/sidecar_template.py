@@ -23,6 +23,7 @@ _NEEDED, _STATED, _FURTHER = (
     "# Stated by the files; a key here would replace it:",
     "# Where they are known:",
 )
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STATED_LINE = re.compile(r"# \w+ = .*  # by .*")
 
 
@@ -103,7 +104,7 @@ def _sections(
             yield from (f"# {_about(fields[key])}{_alternative(key, acquisition)}", _line(key, fields[key], {}), "")
     if of_stated:
         yield _STATED
-        yield from (f"# {key} = {_value(key, stated.keys[key])}  # by {stated.by}" for key in of_stated)
+        yield from (f"# {key} = {toml_value(key, stated.keys[key])}  # by {stated.by}" for key in of_stated)
         yield ""
     if further:
         yield from (_FURTHER, "")
@@ -145,7 +146,7 @@ def _to_fill_in(key: str, field: FieldInfo) -> str:
 
 def _line(key: str, field: FieldInfo, kept: Mapping[str, object]) -> str:
     if key in kept:
-        return f"{key} = {_value(key, kept[key])}"
+        return f"{key} = {toml_value(key, kept[key])}"
     if (table := table_model(field)) is not None:
         required = [f"{name} = …" for name, within in table.model_fields.items() if within.is_required()]
         return f"# {key} = {{ {', '.join(required)} }}"
@@ -153,11 +154,21 @@ def _line(key: str, field: FieldInfo, kept: Mapping[str, object]) -> str:
     return f"# {key} = " + ("" if field.is_required() or default is None else json.dumps(default))
 
 
-def _value(key: str, value: object) -> str:
+def toml_value(key: str, value: object) -> str:
+    """Return the value of ``key`` as TOML has it, on one line. Raises :class:`EndoctError` for a date.
+
+    A library that edits TOML takes minutes to write the positions of many frames.
+    """
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {_value(key, inner)}" for name, inner in value.items()) + " }"
+        return "{ " + ", ".join(f"{_name(name)} = {toml_value(key, inner)}" for name, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(key, inner) for inner in value) + "]"
-    if isinstance(value, str | int | float | bool):
+        return "[" + ", ".join(toml_value(key, inner) for inner in value) + "]"
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, str | int):
         return json.dumps(value, ensure_ascii=False)
     raise EndoctError(f"the sidecar's '{key}' cannot be carried over", remedy="edit the sidecar by hand")
+
+
+def _name(key: str) -> str:
+    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)

@@ -16,8 +16,9 @@ import numpy as np
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
-from endoct.fusion.files.drawings import OUTLINE_SUFFIXES, is_label_store
+from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.masks import read_mask, stored_mask
+from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
 from endoct.fusion.geometry.placement import check_same_bore
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.device import Device

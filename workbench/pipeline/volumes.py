@@ -65,6 +65,7 @@ def describe_volume(path: Path) -> dict[str, object]:
             "target_mm": _rounded(ends[1]),
             "length_mm": round(line.length_mm, 3),
             "certainty": "its file says what its coordinates mean",
+            **({"notes": [line.note]} if line.note else {}),
         }
     ct = read_ct(path, "lps")  # where a file does not say, its places are left out below
     facts = facts_of(ct, path.name, ct.coordinates or "lps")

@@ -53,6 +53,7 @@ def read_plan(
     meaning = meaning_of(volume, coordinates, str(ct))
     if line is not None:
         trajectory, meaning = line[0], coordinates or line[1]
+        volume = replace(volume, notes=(*volume.notes, trajectory.note)) if trajectory.note else volume
     elif entry_mm is not None and target_mm is not None:
         trajectory = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
     check_within(volume, trajectory, meaning, "the CT")

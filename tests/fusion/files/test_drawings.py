@@ -14,8 +14,9 @@ import roifile
 import zarr
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.files.drawings import fill, is_label_store, read_drawing
+from endoct.fusion.files.drawings import is_label_store, read_drawing
 from endoct.fusion.files.masks import read_mask
+from endoct.fusion.files.outlines import fill
 
 SHAPE = (40, 60)
 HEAD = "index,shape-type,vertex-index,axis-0,axis-1\n"

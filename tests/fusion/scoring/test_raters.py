@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from tolerances import STAPLE
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.files.drawings import fill, read_drawing
+from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.masks import read_mask
+from endoct.fusion.files.outlines import fill
 from endoct.fusion.scoring.raters import Drawing, majority, rater_agreement, staple
 from endoct.stitching.grid import SurfaceGrid
 

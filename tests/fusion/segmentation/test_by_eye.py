@@ -1,11 +1,17 @@
 """What Jaccard index a learned eye expects, by hand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
+from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation import by_eye
-from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, expected_jaccard, is_familiar, is_sure
+from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, check_eye, expected_jaccard, is_familiar, is_sure
+from endoct.fusion.segmentation.learned.network import Eye, save_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
@@ -56,3 +62,35 @@ def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> Non
     assert found.of.endswith(NOT_SURE) != sure
     assert not found.doubts
     assert (found.mask & cell).sum() > 0.9 * cell.sum()
+
+
+@pytest.mark.parametrize("of", ["endoscope", "oct", None])
+def test_weights_of_the_users_look_at_a_side_or_are_refused(of: str | None, tmp_path: Path) -> None:
+    grid = SurfaceGrid.full_circle(6, 16, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    ones = np.ones(grid.shape)
+    light, depth = np.random.default_rng(1).uniform(1, 2, (2, *grid.shape)).astype(np.float32)
+    endoscope = Side("endoscope", Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True))
+    oct_ = Side("oct", Panorama(grid, light, depth, ones > 0, ones, "oct", True, True))
+    path = tmp_path / "eye.safetensors"
+    save_eye(Eye(), path, {} if of is None else {"modality": of})
+    given = SegmentParameters(eye=str(path))
+    if of == "endoscope":
+        check_eye(given, endoscope, oct_)
+        check_eye(given, oct_, endoscope)
+        with pytest.raises(EndoctError, match="nothing to look at; found sides with depth"):
+            check_eye(given, oct_, oct_)
+    else:  # those for "oct" do not look at it either: its depth shows the cells
+        with pytest.raises(EndoctError, match="nothing to look at; found endoscope"):
+            check_eye(given, endoscope, oct_)
+    for eye in ("endoct", "off"):
+        check_eye(SegmentParameters(eye=eye), oct_, oct_)
+
+
+def test_a_comparison_refuses_weights_for_neither_side(tmp_path: Path) -> None:
+    grid = SurfaceGrid.full_circle(6, 16, z0_mm=0.0, dz_mm=0.015, radius_mm=1.2)
+    ones = np.ones(grid.shape)
+    light = np.random.default_rng(1).uniform(1, 2, grid.shape).astype(np.float32)
+    one = Panorama(grid, light, None, ones > 0, ones, "endoscope", True, True)
+    save_eye(Eye(), tmp_path / "eye.safetensors", {"modality": "oct"})
+    with pytest.raises(EndoctError, match="nothing to look at"):
+        compare_panoramas(one, one, CompareParameters(eye=str(tmp_path / "eye.safetensors")))

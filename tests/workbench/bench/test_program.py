@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import has_ended
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
@@ -61,6 +62,40 @@ def test_a_program_that_fails_says_how(tmp_path: Path, text: str, match: str) ->
     panorama, _ = toy_panorama(3, 0, "depth", CONDITIONS)
     with pytest.raises(EndoctError, match=match):
         program(tmp_path, "segmentation", text)(panorama)
+
+
+def test_a_program_that_prints_and_prints_or_writes_and_writes_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panorama, _ = toy_panorama(3, 0, "depth", CONDITIONS)
+    monkeypatch.setattr("endoct.workbench.bench.program.MOST_BYTES", 1_000_000)
+    for text in (
+        "while True: print('x' * 1000)",
+        "file = (answer / 'mask.npy').open('wb')\nwhile True: file.write(bytes(1000))",
+    ):
+        with pytest.raises(EndoctError, match="writes too much"):
+            program(tmp_path, "segmentation", text)(panorama)
+
+
+def test_a_program_without_an_end_is_ended_with_all_that_it_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panorama, _ = toy_panorama(3, 0, "depth", CONDITIONS)
+    monkeypatch.setattr("endoct.workbench.bench.program.LONGEST_S", 1.0)
+    child = tmp_path / "child"
+    text = (
+        "import subprocess, time\nchild = subprocess.Popen(['sleep', '600'])\n"
+        f"pathlib.Path({str(child)!r}).write_text(str(child.pid))\ntime.sleep(600)"
+    )
+    with pytest.raises(EndoctError, match="takes too long"):
+        program(tmp_path, "segmentation", text)(panorama)
+    assert has_ended(int(child.read_text()))
+
+
+def test_a_program_has_a_name_of_its_own() -> None:
+    for name in ("endoct", "li-depth"):
+        with pytest.raises(EndoctError, match=f"cannot be called '{name}'"):
+            with_programs(load_task("segmentation"), {name: "true"})
 
 
 def test_a_program_may_decline(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
+import tomlkit
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.desk.sidecar_form import Previewer, sidecar_form
@@ -32,6 +33,24 @@ def test_only_what_was_changed_is_written(endoscope: Path):
     form.save({"bore_diameter_mm": "2.55", "travel": "in", "visible_length_mm": ""}, form.digest)
     expected = MINE.replace("2.5 ", "2.55 ").replace("visible_length_mm = 0.786229\n", "")
     assert sidecar.read_text() == expected + 'travel = "in"\n'
+
+
+def test_positions_of_many_frames_are_shown_and_saved_number_by_number(
+    endoscope: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slow(*_: object) -> None:
+        raise AssertionError("minutes for many numbers")
+
+    monkeypatch.setattr(tomlkit.items.Array, "append", slow)
+    monkeypatch.setattr(tomlkit.items.Array, "insert", slow)
+    places = [0.2 * k for k in range(4000)]
+    sidecar = endoscope / "acquisition.toml"
+    sidecar.write_text(f"{MINE}positions_mm = {places}\n")
+    form = sidecar_form(endoscope)
+    (shown,) = (field["value"] for field in form.to_json()["fields"] if field["key"] == "positions_mm")
+    assert shown == str(places)
+    form.save({"positions_mm": str(places[::-1]), "theta_origin_rad": "0.5"}, form.digest)
+    assert sidecar.read_text() == f"{MINE}positions_mm = {places[::-1]}\ntheta_origin_rad = 0.5\n"
 
 
 def test_a_form_says_what_is_needed_and_what_one_will_do(endoscope: Path):

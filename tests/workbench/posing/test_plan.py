@@ -74,14 +74,53 @@ def test_a_line_comes_back(case: PoseCase, tmp_path: Path) -> None:
     assert read_line(tmp_path / "plan.mrk.json") == (case.plan, "lps")
 
 
-def test_two_points_named_the_other_way_round_are_put_right(case: PoseCase, tmp_path: Path) -> None:
-    path = markups(tmp_path / "plan.mrk.json", case, "LPS", type="Fiducial")
-    assert read_line(path)[0] == case.plan
+def labelled(path: Path, case: PoseCase, first: str, second: str) -> Path:
+    markups(path, case, "LPS", type="Fiducial")
     document = json.loads(path.read_text(encoding="utf-8"))
-    points = document["markups"][0]["controlPoints"]
-    points[0]["label"], points[1]["label"] = "Target", " entry"
+    for point, label in zip(document["markups"][0]["controlPoints"], (first, second), strict=True):
+        point["label"] = label
     path.write_text(json.dumps(document), encoding="utf-8")
-    assert read_line(path)[0].entry_mm == case.plan.target_mm
+    return path
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("Target", " entry"), ("Target point", "Entry point"), ("T", "E"), ("T-1", "E-1"), ("target_2", "entry_1"),
+        ("TargetPoint", "EntryPoint"), ("TARGET", "ENTRY"), ("TP", "EP"), ("target1", "entry2"), ("end", "start"),
+    ],
+)  # fmt: skip
+def test_labels_decide_which_point_is_which(case: PoseCase, tmp_path: Path, first: str, second: str) -> None:
+    turned = read_line(labelled(tmp_path / "a.mrk.json", case, first, second))[0]
+    straight = read_line(labelled(tmp_path / "b.mrk.json", case, second, first))[0]
+    assert (turned.entry_mm, turned.target_mm) == (case.plan.target_mm, case.plan.entry_mm)
+    assert straight == case.plan
+    assert turned.note == straight.note == ""
+
+
+@pytest.mark.parametrize(("first", "second"), [("T", "F-2"), ("F-1", "entry"), ("entry to target", "entry")])
+def test_one_label_says_what_the_other_point_is(case: PoseCase, tmp_path: Path, first: str, second: str) -> None:
+    turned = read_line(labelled(tmp_path / "a.mrk.json", case, first, second))[0]
+    straight = read_line(labelled(tmp_path / "b.mrk.json", case, second, first))[0]
+    assert (turned.entry_mm, straight.entry_mm) == (case.plan.target_mm, case.plan.entry_mm)
+    assert "one label alone" in turned.note
+    assert "one label alone" in straight.note
+
+
+@pytest.mark.parametrize(
+    "labels", [("F-1", "F-2"), ("", ""), ("Endoscope 1", "Tool 2"), ("entry-target-1", "entry-target-2")]
+)
+def test_without_labels_the_order_counts_and_is_said(case: PoseCase, tmp_path: Path, labels: tuple[str, str]) -> None:
+    path = labelled(tmp_path / "plan.mrk.json", case, *labels)
+    assert read_line(path)[0] == case.plan
+    planned = read_plan(case.write_ct(tmp_path / "ct.mha"), None, None, path, None)
+    assert "No label in plan.mrk.json says which point is the entry" in planned.ct.notes[-1]
+
+
+@pytest.mark.parametrize("labels", [("T", "Target"), ("entry-1", "entry-2")])
+def test_two_points_of_one_name_are_refused(case: PoseCase, tmp_path: Path, labels: tuple[str, str]) -> None:
+    with pytest.raises(EndoctError, match=r"both points of .* by their labels"):
+        read_line(labelled(tmp_path / "plan.mrk.json", case, *labels))
 
 
 @pytest.mark.parametrize(
@@ -113,6 +152,12 @@ def test_what_are_no_markups_is_refused(tmp_path: Path, content: str) -> None:
         read_line(path)
 
 
+def test_a_list_of_slicer_4_whose_points_are_turned_is_read(case: PoseCase, tmp_path: Path) -> None:
+    path = fcsv(tmp_path / "plan.fcsv", case, "LPS")
+    path.write_text(path.read_text(encoding="utf-8").replace(",0,0,0,1,1,1,0,", ",90,0,0.6,0.8,1,1,0,"))
+    assert np.allclose(read_line(path)[0].entry_mm, case.plan.entry_mm)
+
+
 FCSV = """# Markups fiducial file version = {version}
 # CoordinateSystem = {system}
 # columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID
@@ -130,9 +175,10 @@ def fcsv(path: Path, case: PoseCase, system: str, **fields: str) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("version", "system", "more"), [("4.4", "0", ""), ("4.10", "1", ""), ("4.11", "LPS", ""), ("5.4", "RAS", ",2,2")]
+    ("version", "system", "more"),
+    [("4.4", "0", ""), ("4.10", "1", ""), ("4.11", "LPS", ""), ("5.4", "RAS", ",2,0"), ("5.0", "LPS", ",2")],
 )
-def test_a_list_of_an_older_slicer_is_the_same_plan(
+def test_a_list_of_any_slicer_is_the_same_plan(
     case: PoseCase, tmp_path: Path, version: str, system: str, more: str
 ) -> None:
     path = fcsv(tmp_path / "plan.fcsv", case, system, version=version, more=more)
@@ -153,7 +199,10 @@ def test_a_list_of_an_older_slicer_is_the_same_plan(
         ({"system": ""}, "RAS or LPS"),
         ({"entry": "1,2"}, "has no place"),
         ({"entry": "1,2,nan"}, "has no place"),
-        ({"version": "5.4", "more": ",2,0"}, "the entry of .* is not placed"),
+        ({"version": "5.4", "more": ",0,2"}, "the entry of .* is not placed"),
+        ({"version": "5.4", "more": ",3,0"}, "the entry of .* is not placed"),
+        ({"entry": "1,5,2,3"}, "has no place"),
+        ({"entry": "1,2,3,4"}, "has no place"),
         ({"target": "1,2,3,0,0,0,1,1,1,0,F\n3,4,5,6"}, "3 points"),
     ],
 )

@@ -15,7 +15,8 @@ from endoct.base.errors import visible
 from endoct.base.files.contents import is_marked, marked
 from endoct.base.files.output import new_output
 from endoct.workbench.bench.published.definition import Generator, load_definition
-from endoct.workbench.bench.published.standings import OURS, Entrant, Loss, Standing, TaskBoard, read_boards
+from endoct.workbench.bench.published.standings import Entrant, Loss, Standing, TaskBoard, read_boards
+from endoct.workbench.bench.published.submitted import OURS
 from endoct.workbench.bench.results.plots import STYLES, Style
 from endoct.workbench.report.figures.drawing import PAGE_WIDTH_IN, journal_style
 from endoct.workbench.report.html_templates import rendered

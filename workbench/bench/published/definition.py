@@ -35,9 +35,10 @@ SPLIT_OF: tuple[Split, ...] = ("train", "validation", "train", "train")
 
 
 class Stored(BaseModel):
-    """What is read from files, or written to them: without unknown keys, and not to be changed."""
+    """What is read from files, or written to them: without unknown keys or numbers that are none, and not
+    to be changed."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class ScoredTask(Stored):

@@ -20,7 +20,7 @@ from endoct.base.files.output import new_output
 from endoct.modalities.reading.recording import open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
-from endoct.workbench.bench.published.specimen_set import Entry, read_finished_set
+from endoct.workbench.bench.published.specimen_set import read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
 from endoct.workbench.dataset.set_files import add_array, add_member
 from endoct.workbench.running.outputs import EXPORT
@@ -67,7 +67,7 @@ class Examples:
         ]
         if not entries:
             raise EndoctError(f"{root} has no example for '{task}'", found=f"split {split}")
-        self.places = [(entry, number) for entry in entries for number in range(_cases_of(entry, task))]
+        self.places = [(entry, number) for entry in entries for number in range(entry.cases(task))]
 
     def __len__(self) -> int:
         return len(self.places)
@@ -81,12 +81,6 @@ class Examples:
             name: np.array(array) for name, array in _ARRAYS[self.task.name](case).items()
         }  # torch writes to them
         return {"name": case.name, "specimen": entry.name, **arrays}
-
-
-def _cases_of(entry: Entry, task: str) -> int:
-    """Return how many cases a specimen is: of poses by both sides and by each, of masks by each."""
-    sides = len(entry.unrolled)
-    return {"segmentation": sides, "pose": sides + 1 if sides > 1 else 1}.get(task, 1)
 
 
 def _side(panorama: Panorama, prefix: str = "") -> Arrays:

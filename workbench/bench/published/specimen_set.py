@@ -63,6 +63,11 @@ class Entry(Stored):
         lines = "".join(f"{name} {sha}\n" for part in (self.recorded, self.unrolled) for name, sha in part.items())
         return hashlib.sha256(f"{self.name}\n{lines}".encode()).hexdigest()
 
+    def cases(self, task: str) -> int:
+        """Return how many cases of a task it is: of poses by both sides and by each, of masks by each."""
+        sides = len(self.unrolled)
+        return {"segmentation": sides, "pose": sides + 1 if sides > 1 else 1}.get(task, 1)
+
     def is_alike(self, other: "Entry") -> bool:
         """Say whether another specimen has the same truth and the same samples, but for rounding."""
         if self.name != other.name:

@@ -1,6 +1,6 @@
 """Where methods stand on a published set: by generator and difficulty, and where endoct's own are beaten."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +17,13 @@ from endoct.workbench.bench.published.definition import (
     ScoredTask,
     Size,
     load_definition,
+    planned,
 )
 from endoct.workbench.bench.published.submission import Scored, Submission, read_submission
+from endoct.workbench.bench.published.submitted import MOST_METHODS, OURS, check_credible
 from endoct.workbench.bench.results.score_summary import Share, share
 from endoct.workbench.bench.task import SUCCESS, load_task
 
-OURS = "endoct"
-"""The name of the method that endoct itself uses, in every task."""
 MOST_FILES = 1000
 
 
@@ -149,7 +149,8 @@ class TaskBoard:
 def read_boards(folder: Path) -> list[TaskBoard]:
     """Return a board for each task and set that the submissions in ``folder`` are of.
 
-    Raises :class:`EndoctError` where there is none, one was changed, or two were run on different recordings.
+    Raises :class:`EndoctError` where there is none, one was changed or cannot be believed, there are too many methods,
+    or two were run on different recordings.
     """
     files = sorted(folder.glob("*.json"))
     if not files or len(files) > MOST_FILES:
@@ -165,6 +166,11 @@ def read_boards(folder: Path) -> list[TaskBoard]:
         definition = load_definition(name)
         if task_name not in definition.tasks:
             raise EndoctError(f"{name} has no task '{task_name}'", expected=" or ".join(definition.tasks))
+        generators = {one.generator for one in same[0][1].specimens}
+        kinds = ((one.name, one.kind) for one in planned(definition, half, size, definition.public_key))
+        whole = [one for one, kind in kinds if kind.generator in generators and task_name in kind.tasks]
+        for file, one in same:
+            check_credible(one, file, whole)
         scored = definition.tasks[task_name]
         meaning = load_task(task_name).scores[scored.score]
         boards.append(TaskBoard(name, half, size, task_name, scored, meaning, tuple(_entrants(same))))
@@ -173,9 +179,11 @@ def read_boards(folder: Path) -> list[TaskBoard]:
 
 def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
     first_name, first = same[0]
+    cases = {(row.specimen, row.case) for row in first.rows}
     for name, other in same[1:]:
         pairs = zip(first.specimens, other.specimens, strict=False)
-        if len(first.specimens) != len(other.specimens) or not all(one.is_alike(two) for one, two in pairs):
+        alike = len(first.specimens) == len(other.specimens) and all(one.is_alike(two) for one, two in pairs)
+        if not alike or {(row.specimen, row.case) for row in other.rows} != cases:
             raise EndoctError(
                 f"the submissions {first_name} and {name} were run on different recordings",
                 found=f"{len(first.specimens)} and {len(other.specimens)} specimens of {first.set}",
@@ -183,7 +191,10 @@ def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
             )
 
 
-def _entrants(same: Iterable[tuple[str, Submission]]) -> list[Entrant]:
+def _entrants(same: Sequence[tuple[str, Submission]]) -> list[Entrant]:
+    n_methods = sum(len(submission.methods) for _, submission in same)
+    if n_methods > MOST_METHODS:
+        raise EndoctError("a board has too many methods", found=f"{n_methods}", expected=f"{MOST_METHODS} at most")
     entrants: list[Entrant] = []
     for file, submission in same:
         for name, origin in submission.methods.items():

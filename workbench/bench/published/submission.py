@@ -2,6 +2,7 @@
 
 It is one JSON file with a digest of itself, so that a file that was edited or cut off is noticed. That is no
 protection against forgery, so :func:`check` runs a sample of its cases again and compares scores to the last digit.
+Nothing that a submission names is run but methods that are installed here: commands come from whoever checks.
 """
 
 import hashlib
@@ -19,7 +20,6 @@ from endoct.base.files.files import read_small
 from endoct.base.files.output import check_output, new_output
 from endoct.workbench.bench.checkpoint import machine, open_checkpoint, source_digests
 from endoct.workbench.bench.program import with_programs
-from endoct.workbench.bench.published.definition import Half, Size, Stored
 from endoct.workbench.bench.published.specimen_set import (
     Entry,
     SpecimenSet,
@@ -27,65 +27,18 @@ from endoct.workbench.bench.published.specimen_set import (
     digest_of_entries,
     read_finished_set,
 )
-from endoct.workbench.bench.runner import Plan, Row, Status, run, run_source
+from endoct.workbench.bench.published.submitted import FORMAT, check_credible
+from endoct.workbench.bench.published.submitted import Scored as Scored  # part of what this module offers
+from endoct.workbench.bench.published.submitted import Submission as Submission
+from endoct.workbench.bench.runner import Plan, Row, run, run_source
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
 from endoct.workbench.running.outputs import SUBMISSION, versions
 from endoct.workbench.running.progress import Stages
 
-FORMAT = "endoct bench submission 1"
 NO_PROGRAMS: Mapping[str, str] = MappingProxyType({})
 MOST_BYTES = 64_000_000
 NEAR = 1e-6
 """Scores that differ relatively by less are the same but for the last bits, which depend on the processor."""
-
-
-class Scored(Stored):
-    """What came of one method on one case of a specimen; see :class:`endoct.workbench.bench.runner.Row`."""
-
-    specimen: str
-    case: str
-    method: str
-    status: Status
-    reason: str
-    scores: dict[str, float]
-    seconds: float
-    cpu_seconds: float
-
-    @property
-    def outcome(self) -> tuple[str, dict[str, float]]:
-        """Return what does not depend on the machine's speed."""
-        return self.status, self.scores
-
-
-class Submission(Stored):
-    """The content of a submission.
-
-    ``specimens``: those it was run on, with the digests of what was read. ``methods``: by name where each comes from;
-    of these ``programs`` are commands, of whose source nothing is known.
-    ``sources``: digests of endoct's source and of the modules of others' methods. ``left_out``: methods whose library
-    is not installed, with the reason.
-    """
-
-    format: str = FORMAT
-    set: str
-    half: Half
-    size: Size
-    task: str
-    specimens: tuple[Entry, ...]
-    methods: dict[str, str]
-    programs: dict[str, str]
-    sources: dict[str, str]
-    left_out: dict[str, str]
-    rows: tuple[Scored, ...]
-    versions: dict[str, str]
-    machine: dict[str, Any]
-    workers: int
-    seconds: float
-
-    @property
-    def data_digest(self) -> str:
-        """Return the digest of the specimens that it was run on."""
-        return digest_of_entries(self.specimens)
 
 
 def submit(
@@ -245,11 +198,15 @@ class Rerun:
 
 @dataclass(frozen=True)
 class Checked:
-    """A submission, its rows that were run again, and the digest of the data here."""
+    """A submission, its rows that were run again, and the digest of the data here.
+
+    ``programs``: by name, the command of each method that is a program here, "" where it was not run again.
+    """
 
     submission: Submission
     reruns: tuple[Rerun, ...]
     data_digest: str
+    programs: Mapping[str, str]
 
     @property
     def is_of_equal_data(self) -> bool:
@@ -261,20 +218,29 @@ class Checked:
         return sum(rerun.verdict == verdict for rerun in self.reruns)
 
 
-def check(path: Path, data: Path, *, sample: int, methods: Sequence[str] = (), stages: Stages) -> Checked:
+def check(
+    path: Path,
+    data: Path,
+    *,
+    sample: int,
+    methods: Sequence[str] = (),
+    programs: Mapping[str, str] = NO_PROGRAMS,
+    stages: Stages,
+) -> Checked:
     """Run ``sample`` specimens of a submission again, drawn by the digest of its content, with all or some ``methods``.
 
-    Raises :class:`EndoctError` where ``data`` is not the set it was run on, or a method is not installed here.
+    ``programs``: commands, by name, of those methods that are programs. The file's own commands are never run: its
+    programs are left out but for these. Raises :class:`EndoctError` where ``data`` is not the set it was run on, the
+    submission lacks some of it or cannot be believed, or a method is not installed here.
     """
     submission = read_submission(path)
-    if others := [name for name in methods if name not in submission.methods]:
-        unknown_name(others[0], tuple(submission.methods), "method of the submission")
+    expected = entries_for(read_finished_set(data), submission.task, data)
+    check_credible(submission, str(path), [one.name for one in expected])
+    names = _methods_to_run(submission, methods, programs)
     entries = _here(submission, data)
     chosen = sorted(entries, key=lambda one: hashlib.sha256(f"{submission.data_digest} {one.name}".encode()).digest())
     chosen = chosen[:sample]
     check_entries(data, chosen, stages)
-    names = tuple(methods or submission.methods)
-    programs = {name: command for name, command in submission.programs.items() if name in names}
     task = with_programs(load_task(submission.task), programs)
     plan = Plan(submission.task, check_names(task, names), programs=programs)
     stated = {(row.specimen, row.case, row.method): row for row in submission.rows}
@@ -294,7 +260,26 @@ def check(path: Path, data: Path, *, sample: int, methods: Sequence[str] = (), s
                     raise EndoctError(f"the submission lacks {again.method} on {again.case}", found=str(path))
                 reruns.append(Rerun(before, again))
             advance(done / len(chosen))
-    return Checked(submission, tuple(reruns), digest_of_entries(entries))
+    here = {name: programs.get(name, "") for name in submission.programs}
+    return Checked(submission, tuple(reruns), digest_of_entries(entries), here)
+
+
+def _methods_to_run(submission: Submission, methods: Sequence[str], programs: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the methods to run again. Raises :class:`EndoctError` for an unknown one, and where there is none."""
+    for name in (*methods, *programs):
+        if name not in submission.methods:
+            unknown_name(name, tuple(submission.methods), "method of the submission")
+    if installed := [name for name in programs if name not in submission.programs]:
+        raise EndoctError(f"'{installed[0]}' is no program", found=submission.methods[installed[0]])
+    known = [name for name in submission.methods if name not in submission.programs or name in programs]
+    lacking = [name for name in methods or submission.programs if name not in known]
+    if lacking and (methods or not known):
+        raise EndoctError(
+            f"the method '{lacking[0]}' is a program, and no command of a file is run",
+            found=f"the file says {submission.programs[lacking[0]]}",
+            remedy=f"install that, and say how to run it: --program {lacking[0]}=COMMAND",
+        )
+    return tuple(dict.fromkeys([*methods, *programs])) if methods else tuple(known)
 
 
 def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:

@@ -31,7 +31,7 @@ from endoct.workbench.bench.results.score_summary import (
     spread,
 )
 from endoct.workbench.bench.runner import Row
-from endoct.workbench.bench.task import DOUBTED, DOWN, SUCCESS, UP, AnyTask
+from endoct.workbench.bench.task import DOUBTED, DOWN, OF_ONE, SUCCESS, UP, AnyTask
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     DPI,
@@ -49,8 +49,6 @@ LineStyle = Literal["-", "--", "-."]
 MOST_PANELS = 6
 FEWEST_IN_BIN, MOST_BINS = 4, 8
 UNANSWERED = "not answered"
-OF_ONE = "Jaccard", "precision", "recall", "share"
-"""The name of a score between 0 and 1 begins with one of these."""
 _MARKERS: tuple[tuple[LineStyle, str], ...] = (("-", "os^D"), ("--", "v<>P"), ("-.", "XphD"))
 MOST_DIFFERENCES = 3
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import open_regular
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.alignment import Flat, best_of, unit
@@ -82,7 +83,8 @@ def _weights(variable: str, of: str, part: str) -> Any:
     import torch
 
     try:
-        weights = torch.load(Path(path), map_location="cpu", weights_only=True)
+        with open_regular(Path(path)) as file:
+            weights = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:
         raise EndoctError(
             "the weights of a matcher cannot be read",

@@ -1,11 +1,13 @@
 """The learned eye: its inputs and the way back, the seam of θ, long bores in pieces, weights that are none."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
@@ -116,6 +118,40 @@ def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "bad.safetensors", tmp_path / "absent.safetensors"):
         with pytest.raises(EndoctError, match="cannot be read"):
             weights_for("endoscope", str(path))
+
+
+def spoilt(tmp_path: Path, what: str) -> Path:
+    """A file of weights that is at fault."""
+    path, eye = tmp_path / "spoilt.safetensors", Eye()
+    state = {name: weights.detach().half() for name, weights in eye.state_dict().items()}
+    card = '["endoscope"]' if what == "list" else '{"modality": "endoscope"}'
+    if what in ("nan", "inf"):
+        state["out.bias"][0] = float(what)
+    if what == "float32":
+        state["out.bias"] = torch.full((1,), 1e30)
+    save_file(state, path, metadata={"card": card})
+    if what == "large":
+        path.write_bytes(path.read_bytes() + bytes(16_000_000))
+    if what == "pipe":
+        path.unlink()
+        os.mkfifo(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("what", "match"),
+    [
+        ("nan", "no finite half floats"),
+        ("inf", "no finite half floats"),
+        ("float32", "no finite half floats"),
+        ("list", "card is no table"),
+        ("large", "too large"),
+        ("pipe", "found a pipe"),
+    ],
+)
+def test_weights_that_would_mislead_or_never_end_are_refused(tmp_path: Path, what: str, match: str) -> None:
+    with pytest.raises(EndoctError, match=match):
+        weights_for("endoscope", str(spoilt(tmp_path, what)))
 
 
 def test_the_number_of_torchs_threads_changes_nothing(weights: Path) -> None:

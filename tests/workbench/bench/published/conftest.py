@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 from published_sets import planned_specimen
 
+from endoct.workbench.bench.published import standings
 from endoct.workbench.bench.published.definition import Planned
 from endoct.workbench.bench.published.making import make_specimen, simulated_specimen
 from endoct.workbench.bench.published.specimen_set import SET_FILE, SpecimenSet
+from endoct.workbench.bench.published.submitted import Submission, check_credible
 
 
 @pytest.fixture(scope="session")
@@ -27,6 +29,16 @@ def made_set(tmp_path_factory: pytest.TempPathFactory, plan: Planned) -> Path:
     content = SpecimenSet(set="endoct-bench-1", half="public", size="small", key="", versions={}, specimens=entries)
     (folder / SET_FILE).write_text(content.model_dump_json(), encoding="utf-8")
     return folder
+
+
+@pytest.fixture
+def sets_of_any_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have boards take submissions on a few specimens of any name for whole."""
+
+    def check(submission: Submission, name: str, _: object) -> None:
+        check_credible(submission, name, [one.name for one in submission.specimens])
+
+    monkeypatch.setattr(standings, "check_credible", check)
 
 
 @pytest.fixture

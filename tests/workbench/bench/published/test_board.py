@@ -10,6 +10,7 @@ from endoct.workbench.bench.published.board import write_board
 from endoct.workbench.bench.published.submission import text_of
 from endoct.workbench.cli import main
 
+pytestmark = pytest.mark.usefixtures("sets_of_any_size")
 HOSTILE = "<script>alert(1)</script>"
 
 

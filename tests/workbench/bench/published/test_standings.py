@@ -10,6 +10,7 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.standings import TaskBoard, read_boards
 from endoct.workbench.bench.published.submission import Scored, text_of
 
+pytestmark = pytest.mark.usefixtures("sets_of_any_size")
 NAMES = [f"s{k}" for k in range(8)]
 
 

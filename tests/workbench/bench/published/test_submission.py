@@ -17,6 +17,7 @@ from endoct.workbench.bench.published.submission import (
     submit,
     text_of,
 )
+from endoct.workbench.commands.research import check as check_command
 from endoct.workbench.running.progress import SilentStages
 
 DEEP = """
@@ -27,6 +28,11 @@ if (given / "depth_mm.npy").exists():
     numpy.save(answer / "mask.npy", numpy.load(given / "depth_mm.npy") > 0.06)
 else:
     (answer / "answer.json").write_text(json.dumps({"declined": "no depth"}))
+"""
+
+DECLINES = """
+import pathlib, sys
+(pathlib.Path(sys.argv[2]) / "answer.json").write_text('{"declined": "no idea"}')
 """
 
 
@@ -94,6 +100,58 @@ def test_some_methods_are_enough(submitted: Path, made_set: Path) -> None:
     assert {rerun.again.method for rerun in checked.reruns} == {"k-means"}
     with pytest.raises(EndoctError, match="k-means"):
         check(submitted, made_set, sample=1, methods=["k-mean"], stages=SilentStages())
+
+
+@pytest.fixture
+def with_a_program(submitted: Path, tmp_path: Path) -> Path:
+    """A submission that calls its k-means a program, with a command that leaves a file where it is run."""
+    made = read_submission(submitted)
+    command = f"touch {tmp_path / 'it-was-run'}"
+    rows = [row.model_copy(update={"method": "theirs"}) if row.method == "k-means" else row for row in made.rows]
+    methods = {"li-depth": made.methods["li-depth"], "theirs": command}
+    changed = made.model_copy(update={"rows": tuple(rows), "methods": methods, "programs": {"theirs": command}})
+    path = tmp_path / "theirs.json"
+    path.write_text(text_of(changed), encoding="utf-8")
+    return path
+
+
+def test_a_command_in_the_file_is_never_run(
+    with_a_program: Path, made_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert check_command(with_a_program, made_set, sample=1) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"theirs: a program, in the file: touch {tmp_path / 'it-was-run'}; not run again" in said
+    assert "2 rows run again: 2 equal" in said  # those of li-depth, which is installed
+    with pytest.raises(EndoctError, match=r"no command of a file is run.*--program theirs=COMMAND"):
+        check(with_a_program, made_set, sample=1, methods=["theirs"], stages=SilentStages())
+    assert not (tmp_path / "it-was-run").exists()
+
+
+def test_a_program_is_run_by_the_command_of_whoever_checks(
+    with_a_program: Path, made_set: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "declines.py").write_text(DECLINES, encoding="utf-8")
+    own = {"theirs": f"{sys.executable} {tmp_path / 'declines.py'}"}
+    checked = check(with_a_program, made_set, sample=1, programs=own, stages=SilentStages())
+    assert checked.programs == own
+    assert {rerun.again.status for rerun in checked.reruns if rerun.again.method == "theirs"} == {"declined"}
+    assert {rerun.again.method for rerun in checked.reruns} == {"li-depth", "theirs"}
+    alone = check(with_a_program, made_set, sample=1, methods=["theirs"], programs=own, stages=SilentStages())
+    assert {rerun.again.method for rerun in alone.reruns} == {"theirs"}
+    assert not (tmp_path / "it-was-run").exists()
+    for name, match in (("li-depth", "is no program"), ("else", "unknown method")):
+        with pytest.raises(EndoctError, match=match):
+            check(with_a_program, made_set, sample=1, programs={name: "true"}, stages=SilentStages())
+
+
+def test_a_part_of_the_set_is_not_checked(submitted: Path, made_set: Path, tmp_path: Path) -> None:
+    made = read_submission(submitted)
+    first = made.specimens[0].name
+    rows = tuple(row for row in made.rows if row.specimen == first)
+    part = made.model_copy(update={"specimens": made.specimens[:1], "rows": rows})
+    (tmp_path / "part.json").write_text(text_of(part), encoding="utf-8")
+    with pytest.raises(EndoctError, match="not of the whole set"):
+        check(tmp_path / "part.json", made_set, sample=1, stages=SilentStages())
 
 
 def test_other_scores_are_different(submitted: Path, made_set: Path, tmp_path: Path) -> None:
