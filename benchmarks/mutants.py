@@ -1,104 +1,90 @@
-"""Small faults put into the modules that decide a score, a place or a doubt: which share of them their tests catch.
+"""Small faults put into the product, one at a time: which share of them the tests of the module catch.
 
-    python -m benchmarks.mutants [--each 4] [--seed 0] [--only fusion/scoring …] [-o FILE]      or --named
+    python -m benchmarks.mutants [--count 100] [--seed 0] [--since COMMIT] [--only fusion/scoring …] [-o FILE]
 
-A mutant is one change of one module: a comparison turned round, an operator exchanged, a number changed, a ``not``
-lost, a filter that no longer wraps. It is caught where a test of its own module fails. Mutants are drawn with a seed,
-equally many of every module, and tried in a copy of the tree. Texts of messages are left as they are.
+A mutant is one change of one line that changed since a commit. Of all kinds of fault equally many are drawn, by a seed,
+each from a module of its own. It is caught where a test of its module, or of a near neighbour, fails that passes
+without it. The quickest to prepare run first, and all within ``--seconds`` of processor time.
 """
 
 import argparse
 import ast
-import copy
+import importlib
 import os
 import random
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.mutated_modules import NAMED, TESTS
+import pytest
+from scipy import stats
 
-ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("base", "fusion", "modalities", "stitching", "synthetic", "workbench")
-LONGEST_S = 180.0
+from benchmarks.mutated_modules import NAMED, PACKAGES, ROOT, changed_lines, tests_of
+from benchmarks.small_faults import KINDS, fault, faults_in
 
-COMPARED: Mapping[type[ast.cmpop], type[ast.cmpop]] = {
-    ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
-}  # fmt: skip
-AT_EDGE: Mapping[type[ast.cmpop], type[ast.cmpop]] = {
-    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt,
-}  # fmt: skip
-OPERATED: Mapping[type[ast.operator], type[ast.operator]] = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
-    ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.BitXor: ast.BitOr, ast.Pow: ast.Mult, ast.Mod: ast.Add,
-}  # fmt: skip
-CALLED: Mapping[str, str] = {
-    "min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any",
-    "argmin": "argmax", "argmax": "argmin", "sin": "cos", "cos": "sin", "floor": "ceil", "ceil": "floor",
-    "mean": "median", "median": "mean",
-}  # fmt: skip
-FUNCTIONS = ("mean", "median")
-"""Arrays have one as a method, and not the other."""
-WORDS: Mapping[str, str] = {"wrap": "nearest", "grid-wrap": "nearest", "nearest": "wrap"}
+SINCE = "67ffa19"
+LOADED = ("numpy", "scipy.ndimage", "scipy.optimize", "scipy.stats", "scipy.signal", "cv2", "numba", "zarr", "pydantic",
+          "tyro", "tifffile", "pydicom", "skimage.measure", "jinja2", "rich")  # fmt: skip
+"""Loaded once, for all mutants: libraries, never a module of the product."""
+PER_TEST, LONGEST = 2, 20
+"""What has not ended after so many times the time, of the processor and of the clock, does not end."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change: ``source`` of the whole module, what it was and became, and in which line.
+    """A fault of a kind in a line of a module, the module's ``source`` with it, and the tests that may catch it."""
 
-    ``computed``: whether in a function; else it is a setting, such as a limit.
-    """
-
+    kind: str
     module: str
     line: int
-    before: str
-    after: str
+    change: str
     source: str
     tests: tuple[str, ...]
-    computed: bool = True
 
 
 def main() -> int:
     """Return 1 where fewer than wanted are caught."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants", description=__doc__)
-    parser.add_argument("--each", type=int, default=4, help="mutants of every module")
+    parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="+", default=None, help="modules that begin so")
+    parser.add_argument("--since", default=SINCE, help="only lines that changed since this commit")
+    parser.add_argument("--only", nargs="+", default=[""], help="modules that begin so")
     parser.add_argument("--named", action="store_true", help="those that tests once let through")
-    parser.add_argument("--least", type=float, default=0.85, help="share that must be caught")
-    parser.add_argument("--unchecked", action="store_true", help="the tests are known to pass without any")
+    parser.add_argument("--seconds", type=int, default=10, help="processor time of the tests of each")
+    parser.add_argument("--least", type=float, default=0.9, help="share that must be caught")
     parser.add_argument("-o", "--output", type=Path)
     options = parser.parse_args()
-    modules = [name for name in TESTS if not options.only or name.startswith(tuple(options.only))]
-    mutants = list(named() if options.named else drawn(modules, options.each, options.seed))
-    random.Random(options.seed).shuffle(mutants)  # a run that is broken off is a sample as well
-    caught: dict[bool, list[bool]] = {True: [], False: []}
+    lines = {name: some for name, some in changed_lines(options.since).items() if name.startswith(tuple(options.only))}
+    mutants = list(named()) if options.named else drawn(lines, options.count, options.seed)
+    for name in LOADED:
+        importlib.import_module(name)
+    caught: dict[str, list[bool]] = {}
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
         tree = copied_tree(Path(scratch) / "tree")
-        for tests in () if options.unchecked else dict.fromkeys(mutant.tests for mutant in mutants):
-            if fails(tree, tests):
-                raise SystemExit(f"{' '.join(tests)} fail without any mutant")
         for mutant in mutants:
-            is_caught = tried(tree, mutant)
-            caught[mutant.computed].append(is_caught)
-            said = f"{'caught' if is_caught else 'LIVES '} {'' if mutant.computed else '(setting) '}"
-            said += f"{mutant.module}:{mutant.line}  {mutant.before} → {mutant.after}"
+            by = caught_by(tree, mutant, options.seconds)
+            caught.setdefault(mutant.kind, []).append(by is not None)
+            said = f"{'LIVES ' if by is None else 'caught'} {mutant.kind:10} {mutant.module}:{mutant.line}  "
+            said += f"{mutant.change}" + (f"  by {by}" if by else "")
             print(said, flush=True)
             if options.output:
-                with options.output.open("a", encoding="utf-8") as lines:
-                    print(said, file=lines)
-    for what, some in (("computations", caught[True]), ("settings", caught[False])):
-        print(f"{what}: {sum(some)} of {len(some)} caught, {sum(some) / max(len(some), 1):.0%}")
-    share = sum(map(sum, caught.values())) / max(len(mutants), 1)
-    print(f"{share:.0%} of {len(mutants)} in {time.monotonic() - began:.0f} s")
-    return int(share < (1 if options.named else options.least))
+                with options.output.open("a", encoding="utf-8") as file:
+                    print(said, file=file)
+    for kind, some in sorted(caught.items()):
+        print(f"{kind}: {sum(some)} of {len(some)}")
+    k, n = sum(map(sum, caught.values())), len(mutants)
+    interval = stats.binomtest(k, n).proportion_ci(method="wilson")
+    print(f"{k} of {n}, 95 % interval {interval.low:.0%} to {interval.high:.0%}, {time.monotonic() - began:.0f} s")
+    return int(k / n < (1 if options.named else options.least))
 
 
 def named() -> Iterator[Mutant]:
@@ -108,94 +94,26 @@ def named() -> Iterator[Mutant]:
         if source.count(before) != 1:
             raise SystemExit(f"{module} no longer has {before!r}: name another mutant that does the same")
         line = source[: source.index(before)].count("\n") + 1
-        yield Mutant(module, line, before.strip(), after.strip() or "nothing", source.replace(before, after), (tests,))
+        changed = f"{before.strip()} → {after.strip() or 'nothing'}"
+        yield Mutant("named", module, line, changed, source.replace(before, after), (tests,))
 
 
-def drawn(modules: list[str], each: int, seed: int) -> Iterator[Mutant]:
-    """Yield ``each`` mutants of every module, or as many as there are, in the order of their lines."""
-    for module in modules:
-        tree = ast.parse((ROOT / module).read_text("utf-8"))
-        nodes = [node for node, _ in _code(tree)]
-        all_ = [(k, change) for k, node in enumerate(nodes) for change in range(len(list(_changes(node))))]
-        some = random.Random(f"{seed} {module}").sample(all_, min(each, len(all_)))
-        yield from (_mutant(module, tree, *which) for which in sorted(some, key=lambda one: nodes[one[0]].lineno))
-
-
-def _mutant(module: str, tree: ast.Module, k: int, change: int) -> Mutant:
-    """Return the mutant of which the expression ``k`` of a module is changed in one way."""
-    changed = copy.deepcopy(tree)
-    node, computed = _code(changed)[k]
-    before = ast.unparse(node)
-    list(_changes(node))[change]()
-    source = ast.unparse(ast.fix_missing_locations(changed))
-    return Mutant(module, node.lineno, before, ast.unparse(node), source, TESTS[module], computed)
-
-
-def _code(tree: ast.Module) -> list[tuple[ast.expr, bool]]:
-    """Return what a module computes: expressions in functions, and settings outside them, with which of the two."""
-    return list(_computed(tree, inside=False))
-
-
-LEFT_OUT = ast.Raise | ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom
-
-
-def _computed(tree: ast.AST, *, inside: bool) -> Iterator[tuple[ast.expr, bool]]:
-    inside = inside or isinstance(tree, ast.FunctionDef | ast.Lambda)
-    for name, value in ast.iter_fields(tree):
-        if name in ("annotation", "returns", "decorator_list"):
-            continue
-        for node in value if isinstance(value, list) else [value]:
-            if not isinstance(node, ast.AST) or isinstance(node, LEFT_OUT):
-                continue
-            if isinstance(node, ast.expr) and (inside or isinstance(node, ast.Constant)):
-                yield node, inside
-            yield from _computed(node, inside=inside)
-
-
-def _changes(node: ast.expr) -> Iterator["Change"]:
-    """Yield what can be done to an expression, in place."""
-    match node:
-        case ast.Compare(ops=[operator], comparators=[other]):
-            kind = type(operator)
-            yield Change(node, "ops", [COMPARED[kind]()])
-            if kind in AT_EDGE and isinstance(other, ast.Constant) and type(other.value) is int:
-                yield Change(node, "ops", [AT_EDGE[kind]()])
-        case ast.BinOp(op=operator) if type(operator) in OPERATED:
-            yield Change(node, "op", OPERATED[type(operator)]())
-        case ast.BoolOp(op=operator):
-            yield Change(node, "op", ast.Or() if isinstance(operator, ast.And) else ast.And())
-        case ast.UnaryOp(op=operator, operand=operand):
-            yield Change(node, "operand", ast.UnaryOp(operator, operand))
-        case ast.IfExp():
-            yield Change(node, "test", ast.UnaryOp(ast.Not(), node.test))
-        case ast.Attribute(attr=name, value=value) if name in CALLED and (_is_numpy(value) or name not in FUNCTIONS):
-            yield Change(node, "attr", CALLED[name])
-        case ast.Call(func=ast.Name(id=name)) if name in CALLED:
-            yield Change(node.func, "id", CALLED[name])
-        case ast.Constant(value=bool() as value):
-            yield Change(node, "value", not value)
-        case ast.Constant(value=int() as value):
-            yield Change(node, "value", value + 1)
-        case ast.Constant(value=float() as value):
-            yield Change(node, "value", 2 * value if value else 1.0)
-        case ast.Constant(value=str() as value) if value in WORDS:
-            yield Change(node, "value", WORDS[value])
-
-
-def _is_numpy(node: ast.expr) -> bool:
-    return isinstance(node, ast.Name) and node.id == "np"
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """Gives a field of a node another value."""
-
-    node: ast.AST
-    field: str
-    value: object
-
-    def __call__(self) -> None:
-        setattr(self.node, self.field, self.value)
+def drawn(lines: Mapping[str, frozenset[int]], count: int, seed: int) -> list[Mutant]:
+    """Return ``count`` mutants in ``lines`` by module, of all kinds alike, of no module a second before the last."""
+    random_ = random.Random(seed)
+    trees = {module: ast.parse((ROOT / module).read_text("utf-8")) for module in sorted(lines)}
+    some = {module: [one for one in faults_in(tree) if one[1] in lines[module]] for module, tree in trees.items()}
+    mutants: list[Mutant] = []
+    used: set[str] = set()
+    while len(mutants) < count:
+        kind = KINDS[len(mutants) % len(KINDS)]
+        having = [module for module, faults in some.items() if any(one[0] == kind for one in faults)]
+        module = random_.choice([name for name in having if name not in used] or having)
+        used.add(module)
+        _, line, *which = random_.choice([one for one in some[module] if one[0] == kind])
+        made = fault(trees[module], *which)
+        mutants.append(Mutant(kind, module, line, f"{made.before} → {made.after}", made.source, tests_of(module)))
+    return mutants
 
 
 def copied_tree(folder: Path) -> Path:
@@ -219,29 +137,82 @@ def copied_tree(folder: Path) -> Path:
     return folder
 
 
-def tried(tree: Path, mutant: Mutant) -> bool:
-    """Return whether tests fail with a mutant in its place in ``tree``."""
+def caught_by(tree: Path, mutant: Mutant, seconds: int) -> str | None:
+    """Return the test that fails with a mutant in its place in ``tree`` and passes without, None where none does."""
     file = tree / mutant.module
     sound, made = file.read_bytes(), file.stat().st_mtime_ns
     file.write_text(mutant.source, "utf-8")
     try:
-        return fails(tree, mutant.tests)
+        failed = first_failure(tree, mutant.tests, seconds)
     finally:
         file.write_bytes(sound)
         os.utime(file, ns=(made, made))  # what was compiled of it holds again
+    if failed and first_failure(tree, [failed], seconds):
+        raise SystemExit(f"{failed} fails without a mutant, or takes more than {PER_TEST * seconds} s")
+    return failed
 
 
-def fails(tree: Path, tests: tuple[str, ...]) -> bool:
-    """Return whether tests fail in ``tree``; those that do not end do."""
-    environment = os.environ | {"PYTHONPATH": str(tree / ".typing"), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-n0", *tests]
-    try:
-        done = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=LONGEST_S, check=False)
-    except subprocess.TimeoutExpired:
-        return True
-    if done.returncode > 2:  # less than 0: it crashed
-        raise SystemExit(f"{' '.join(command)} ended with {done.returncode}: {done.stdout.decode()[-2000:]}")
-    return done.returncode != 0
+def first_failure(tree: Path, tests: Sequence[str], seconds: int) -> str | None:
+    """Return the first test that fails in ``tree``, or does not end, or the module that cannot be loaded."""
+    note = tree.parent / "running"
+    note.write_text("")
+    if (child := os.fork()) == 0:
+        status = 1
+        with suppress(BaseException):
+            status = int(_fails(tree, tests, seconds, note))
+        os._exit(status)
+    until = time.monotonic() + LONGEST * seconds
+    while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+        time.sleep(0.05)
+        if time.monotonic() > until:
+            os.kill(child, signal.SIGKILL)
+    with suppress(ProcessLookupError):  # none of its own processes is left
+        os.killpg(child, signal.SIGKILL)
+    return (note.read_text() or tests[0]) if ended[1] else None
+
+
+def _fails(tree: Path, tests: Sequence[str], seconds: int, note: Path) -> bool:
+    """Run tests in this process; return whether one failed before the time was up."""
+    os.setpgid(0, 0)
+    os.chdir(tree)
+    silent = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2):
+        os.dup2(silent, stream)
+    os.environ |= {"PYTHONPATH": str(tree / ".typing"), "OMP_NUM_THREADS": "1"}
+    sys.path[:] = [str(tree / ".typing"), *(path for path in sys.path if Path(path or ".").resolve() != ROOT)]
+    for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
+        del sys.modules[name]
+    resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + PER_TEST * seconds,) * 2)
+    watch = _Watch(note, time.process_time() + seconds)
+    options = ["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # of the libraries that are loaded already
+    pytest.main([*options, *tests], plugins=[watch])
+    return watch.failed
+
+
+class _Watch:
+    """Has tests with costly fixtures run last, notes which one runs, and ends when the time is up."""
+
+    def __init__(self, note: Path, until: float) -> None:
+        self._note, self._until = note, until
+        self.failed = False
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        costly = ("tmp_path_factory", "browser", "page")
+        items.sort(key=lambda item: any(name in costly for name in getattr(item, "fixturenames", ())))
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        self._note.write_text(nodeid)
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        self.failed |= report.failed
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.failed |= report.failed
+
+    def pytest_runtest_teardown(self, item: pytest.Item) -> None:
+        if time.process_time() > self._until:
+            item.session.shouldstop = "its time is up"
 
 
 if __name__ == "__main__":

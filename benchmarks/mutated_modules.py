@@ -1,97 +1,97 @@
 """Which modules are mutated, which tests are their own, and mutants that tests once let through."""
 
-from collections.abc import Mapping
+import ast
+import re
+import subprocess
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
 
-FUSION, OCT, ENDOSCOPE = "tests/fusion", "tests/modalities/oct", "tests/modalities/endoscope"
-TESTS: Mapping[str, tuple[str, ...]] = {
-    "fusion/scoring/boundary.py": (
-        f"{FUSION}/scoring/test_boundary.py",
-        f"{FUSION}/scoring/test_scores.py",
-    ),
-    "fusion/scoring/budget.py": (f"{FUSION}/scoring/test_budget.py",),
-    "fusion/scoring/cells.py": (
-        f"{FUSION}/scoring/test_budget.py",
-        f"{FUSION}/scoring/test_cells.py",
-        f"{FUSION}/scoring/test_matched_cells.py",
-    ),
-    "fusion/scoring/intervals.py": (f"{FUSION}/scoring/test_intervals.py",),
-    "fusion/scoring/overlap.py": (
-        f"{FUSION}/scoring/test_overlap.py",
-        f"{FUSION}/scoring/test_scores.py",
-    ),
-    "fusion/scoring/raters.py": (f"{FUSION}/scoring/test_raters.py",),
-    "fusion/scoring/scores.py": (
-        f"{FUSION}/scoring/test_reliefs.py",
-        f"{FUSION}/scoring/test_scores.py",
-    ),
-    "fusion/registration/align.py": (
-        f"{FUSION}/registration/test_align.py",
-        f"{FUSION}/registration/test_confidence.py",
-        f"{FUSION}/registration/test_stretch.py",
-        f"{FUSION}/test_methods.py",
-    ),
-    "fusion/registration/search.py": (
-        f"{FUSION}/registration/test_align.py",
-        f"{FUSION}/registration/test_confidence.py",
-        f"{FUSION}/registration/test_correlation.py",
-    ),
-    "fusion/registration/by_hand.py": (f"{FUSION}/registration/test_by_hand.py",),
-    "fusion/registration/rigidity.py": (
-        f"{FUSION}/registration/test_displacement.py",
-        f"{FUSION}/registration/test_rigidity.py",
-    ),
-    "fusion/registration/equations.py": (f"{FUSION}/registration/test_refinement.py",),
-    "fusion/registration/refinement.py": (f"{FUSION}/registration/test_refinement.py",),
-    "fusion/registration/twist.py": (f"{FUSION}/registration/test_twist.py",),
-    "fusion/segmentation/outlines.py": (
-        f"{FUSION}/segmentation/test_lines.py",
-        f"{FUSION}/segmentation/test_outlines.py",
-    ),
-    "fusion/segmentation/segment.py": (
-        f"{FUSION}/segmentation/test_segment.py",
-        f"{FUSION}/segmentation/test_by_depth.py",
-        f"{FUSION}/segmentation/test_outlines.py",
-    ),
-    "fusion/segmentation/regions.py": (f"{FUSION}/segmentation/test_segment.py",),
-    "fusion/segmentation/threshold.py": (f"{FUSION}/segmentation/test_threshold.py",),
-    "fusion/geometry/alignment.py": (
-        f"{FUSION}/registration/test_by_hand.py",
-        f"{FUSION}/test_alignment.py",
-    ),
-    "fusion/geometry/placement.py": (f"{FUSION}/test_placement.py",),
-    "fusion/evidence/evidence.py": (f"{FUSION}/evidence/test_evidence.py",),
-    "fusion/evidence/relief.py": (
-        f"{FUSION}/evidence/test_evidence.py",
-        f"{FUSION}/segmentation/test_by_depth.py",
-    ),
-    "fusion/doubts.py": (f"{FUSION}/test_doubts.py",),
-    "fusion/comparison.py": (f"{FUSION}/test_comparison.py",),
-    "stitching/motion/feed.py": ("tests/stitching/motion/test_feed.py",),
-    "base/numeric/ranks.py": ("tests/base/numeric/test_ranks.py",),
-    "modalities/oct/surface/wall.py": (f"{OCT}/surface/test_wall.py",),
-    "modalities/oct/surface/background.py": (f"{OCT}/surface/test_background.py",),
-    "modalities/oct/surface/levels.py": (f"{OCT}/surface/test_levels.py",),
-    "modalities/oct/surface/trust.py": (f"{OCT}/surface/test_trust.py",),
-    "modalities/oct/surface/fixed_lines.py": (f"{OCT}/surface/test_fixed_lines.py",),
-    "modalities/oct/doubts.py": (f"{OCT}/test_doubts.py",),
-    "modalities/oct/unroll.py": (f"{OCT}/test_unroll.py",),
-    "modalities/oct/undistort.py": (f"{OCT}/test_undistort.py",),
-    "modalities/endoscope/doubts.py": (f"{ENDOSCOPE}/test_doubts.py",),
-    "modalities/endoscope/frame_places.py": (f"{ENDOSCOPE}/test_frame_places.py",),
-    "modalities/endoscope/motion.py": (f"{ENDOSCOPE}/test_motion.py",),
-}
-"""By module: the tests of its own."""
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("base", "fusion", "modalities", "stitching", "synthetic", "workbench")
+MOST_TESTS = 4
+"""Test modules of a module: its own and its nearest neighbours."""
+NOT_RUN = ("third_party", "docs", "browser")
+"""In the paths of tests: they install packages, run whole pages or start a Chromium."""
+
+
+def changed_lines(since: str) -> Mapping[str, frozenset[int]]:
+    """Return the product's modules that changed since a commit, each with the numbers of the lines that did."""
+    command = ["git", "diff", "--unified=0", "--no-prefix", "--no-renames", "--diff-filter=AM", since, "--", *PACKAGES]
+    shown = subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout.decode("utf-8", "replace")
+    lines: dict[str, set[int]] = {}
+    for name, first, many in re.findall(r"^\+\+\+ (\S+\.py)$|^@@ -\S+ \+(\d+)(?:,(\d+))? @@", shown, re.MULTILINE):
+        if name:
+            changed = lines.setdefault(name, set())
+        elif lines:  # a file that is no module may come first
+            changed.update(range(int(first), int(first) + int(many or 1)))
+    return {name: frozenset(changed) for name, changed in lines.items()}
+
+
+@cache
+def tests_of(module: str) -> tuple[str, ...]:
+    """Return the tests of a module: those of its name, those that import it, those of what imports it, of its folder.
+
+    Among those alike the ones come first that share most folders with it.
+    """
+    path = Path(module)
+    own = [f"tests/{folder}/test_{path.stem}.py" for folder in (path.parent, path.parent.parent)]
+    tests = dict.fromkeys(name for name in own if (ROOT / name).is_file())
+    ring, seen = [module], {module}
+    while ring and len(tests) < MOST_TESTS:
+        near = [test for test, names in _imports("tests").items() if names & {_dotted(one) for one in ring}]
+        tests |= dict.fromkeys(sorted(near, key=lambda test: (-_shared(test, module), test)))
+        ring = sorted({above for one in ring for above in _importers(one)} - seen)
+        seen |= set(ring)
+    folder = max((test for test in _imports("tests")), key=lambda test: _shared(test, module))
+    tests |= dict.fromkeys(test for test in _imports("tests") if Path(test).parent == Path(folder).parent)
+    return tuple(tests)[:MOST_TESTS]
+
+
+def _importers(module: str) -> list[str]:
+    return [other for package in PACKAGES for other, names in _imports(package).items() if _dotted(module) in names]
+
+
+def _shared(test: str, module: str) -> int:
+    pairs = zip(Path(test).parts[1:-1], Path(module).parts[:-1], strict=False)
+    return sum(one == other for one, other in pairs)
+
+
+@cache
+def _imports(folder: str) -> Mapping[str, frozenset[str]]:
+    """Return by module of a folder the full names that it imports, each also as if it were a module."""
+    pattern = "test_*.py" if folder == "tests" else "*.py"
+    return {
+        str(path.relative_to(ROOT)): frozenset(_imported(ast.parse(path.read_text("utf-8"))))
+        for path in sorted((ROOT / folder).rglob(pattern))
+        if not any(word in str(path.relative_to(ROOT)) for word in NOT_RUN) or folder != "tests"
+    }
+
+
+def _imported(tree: ast.Module) -> Iterator[str]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{each.name}" for each in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+
+
+def _dotted(module: str) -> str:
+    return "endoct." + module.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
 NAMED: tuple[tuple[str, str, str, str], ...] = (
     (
         "fusion/comparison.py",
         'one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))',
         'one = Surface("", placement.mask(cells[0].mask, a.panorama.valid)[0], np.ones_like(b.panorama.valid))',
-        f"{FUSION}/test_comparison.py",
+        "tests/fusion/test_comparison.py",
     ),
-    ("fusion/scoring/cells.py", " & ~side.mask", "", f"{FUSION}/scoring/test_budget.py"),
-    ("modalities/oct/surface/wall.py", "lead = n_theta // 4", "lead = 0", f"{OCT}/surface/test_wall.py"),
+    ("fusion/scoring/cells.py", " & ~side.mask", "", "tests/fusion/scoring/test_budget.py"),
+    ("modalities/oct/surface/wall.py", "lead = n_theta // 4", "lead = 0", "tests/modalities/oct/surface/test_wall.py"),
     ("base/numeric/ranks.py", "ERROR_PER_SIGMA = 1.25", "ERROR_PER_SIGMA = 1.0", "tests/base/numeric/test_ranks.py"),
     ("synthetic/draw.py", " - min(0.0, advance)", "", "tests/synthetic/test_draw.py"),
-    ("modalities/oct/unroll.py", "(turn - 0.5)", "(turn + 0.5)", f"{OCT}/test_unroll.py"),
+    ("modalities/oct/unroll.py", "(turn - 0.5)", "(turn + 0.5)", "tests/modalities/oct/test_unroll.py"),
 )
 """Mutants that tests once let through: module, text, what replaces it, and the tests that must fail."""

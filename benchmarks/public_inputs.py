@@ -128,6 +128,12 @@ def _labels(ran: Ran) -> bool:
     return list(ran.facts.get("labels", {}).values()) == ["facial nerve", "cochlea", "chorda tympani"]
 
 
+def _slicer_5(ran: Ran) -> bool:
+    facts = ran.facts
+    return (facts["entry_mm"], facts["target_mm"], facts["coordinates"]) == ([-5, 15, 102], [-5, 15, 112], "lps")
+
+
+_UNROLL = ("unroll", "recording", "-o", "SCRATCH/x.zarr")
 _INFO = ("info", "recording", "--json")
 _CT = ("info", "series", "--json")
 _LINE = ("--entry=0,0,0", "--target=0,0,10", "-o", "SCRATCH/out")
@@ -139,6 +145,7 @@ def _plan(ct: str) -> tuple[str, ...]:
 
 _MARK = (0.0, 18.2, 111.0)
 INPUTS: Mapping[str, Input] = {
+    "avi-h264-b-frames": Input("refused as damaged", _INFO, _refused("no times", "B-frames", "ffv1")),
     "chirp-dat-is-text": Input("refused: wrong length", _INFO, _frames(2)),
     "copy-of-one-slice": Input("13 frames of 12", _INFO, _frames(12, "slice_005 (1).png")),
     "ct-enhanced-multiframe": Input("traceback", _CT, _ct(_MARK)),
@@ -151,7 +158,10 @@ INPUTS: Mapping[str, Input] = {
     "ct-scout-other-size": Input("a C++ exception", _CT, _refused("000.dcm", "64 × 32")),
     "ct-two-volumes-one-series": Input("30 slices, alternately", _CT, _refused("000_0.dcm and 000_1.dcm")),
     "dicom-slow": Input("15 to 25 s", _plan("."), _refused(".dcm")),
+    "frames-tiff-by-ffmpeg-444": Input("59 counts off", _INFO, _refused("colours as YCbCr;", "rgb24")),
+    "frames-tiff-by-ffmpeg-raw": Input("refused as truncated", _INFO, _refused("YCbCr, one for 2 × 2 pixels", "rgb24")),
     "grey-as-palette-png": Input("refused as colour", _INFO, _frames(12)),
+    "imagej-signed-16-linear": Input("32768 too high", _INFO, _frames(12, "-32768 + 1 × what is stored")),
     "labels-named-segments": Input("facial nerve as bone", ("info", "labels.seg.nrrd", "--json"), _labels),
     "mask-imagej-overlay": Input("0.992 of the wall", (), _refused("202 values", "overlay")),
     "mask-inverting-lut-png": Input("0.967 of the wall", (), _refused("palette in which 0 is not black")),
@@ -164,6 +174,8 @@ INPUTS: Mapping[str, Input] = {
     "nifti-microns": Input('"sheared"', ("info", "ct.nii.gz", "--json"), _ct(_MARK, lps=False)),
     "nifti-no-codes": Input("RAS, no word", _plan("ct.nii.gz"), _refused("RAS or LPS")),
     "oct-miniswhite": Input("upside down in brightness", _INFO, _frames(12, "WhiteIsZero")),
+    "oct-signed-16-log": Input("lost with its report's picture", _UNROLL, lambda ran: "100.0% valid" in ran.out),
+    "plan-fcsv-slicer5": Input("refused as not placed", ("info", "plan.fcsv", "--json"), _slicer_5),
     "plan-undefined-point": Input("0, 0, 0", ("info", "plan.mrk.json"), _refused("the target", "not placed")),
     "processed-beside-raw": Input("12 frames of 6", _INFO, _refused("slice_000_filtered.png")),
     "twins-png-tif": Input("12 frames of 6", _INFO, _frames(6, "slice_000.png")),

@@ -25,7 +25,8 @@ from endoct.fusion.doubts import (
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import LandmarkPair
-from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, check_same_bore, common_grid
+from endoct.fusion.geometry.placement import IN_PLACE, Sampling, check_same_bore, common_grid
+from endoct.fusion.pair_overlaps import by_li, on_own_rows
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
     BELIEVABLE,
@@ -39,20 +40,20 @@ from endoct.fusion.registration.align import (
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import Bore, align_by_hand
-from endoct.fusion.registration.rigidity import parts_out_of_place
+from endoct.fusion.registration.rigidity import Part, parts_out_of_place
 from endoct.fusion.registration.twist import find_twist, untwisted
 from endoct.fusion.result import (
     Believable,
+    Budget,
     ByHand,
     CorrectedTwist,
     DecidedByDepth,
-    OwnRows,
+    PairScores,
     Result,
     StoredAlignment,
     Threshold,
 )
-from endoct.fusion.scoring.overlap import Surface, find_sites, overlap
-from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
+from endoct.fusion.scoring.scores import BOOTSTRAP, score_sides
 from endoct.fusion.segmentation.by_eye import check_eye
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
@@ -175,15 +176,16 @@ def _placed(
     samplings = Sampling(a.grid, IN_PLACE), Sampling(b.grid, alignment or IN_PLACE)
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)
     sides = place(a, cells[0], samplings[0], grid), place(b, cells[1], samplings[1], grid)
-    when_placed(Placed(grid, sides, alignment is not None))
+    placed = Placed(grid, sides, alignment is not None)
+    when_placed(placed)
     # score
-    scored, parts = at_once(
+    scored, (parts, overlaps) = at_once(
         lambda: score_sides(sides, grid, samplings if alignment else None, parameters.tolerance_mm),
-        lambda: parts_out_of_place(a.evidence, b.evidence, alignment) if alignment else (),
+        lambda: _held_together(both, cells, samplings, placed, parameters) if alignment else ((), {}),
     )
-    own_rows = _on_own_rows(both, cells, alignment) if alignment else None
+    scores = scored.scores and scored.scores.model_copy(update=overlaps)
     by_name = {a.name: cells[0], b.name: cells[1]}
-    result = _result(search_result, by_name, (sides[0].valid, sides[1].valid), grid.dz_mm, scored, own_rows)
+    result = _result(search_result, by_name, (sides[0].valid, sides[1].valid), grid.dz_mm, scores, scored.budget)
     # doubt
     doubts = [*doubts_of_side(a, cells[0]), *doubts_of_side(b, cells[1])]
     if alignment is not None:
@@ -202,22 +204,27 @@ def _placed(
     return Comparison(grid, sides, alignment, result.reason, result, scored.cells)
 
 
+def _held_together(
+    both: tuple[Side, Side],
+    cells: tuple[Segmentation, Segmentation],
+    samplings: tuple[Sampling, Sampling],
+    placed: Placed,
+    parameters: CompareParameters,
+) -> tuple[tuple[Part, ...], Mapping[str, object]]:
+    """Return the parts of B that are out of place, and the overlaps besides that on the common grid, by key."""
+    a, b = both
+    alignment = samplings[1].where
+    parts = parts_out_of_place(a.evidence, b.evidence, alignment)
+    own_rows = on_own_rows(both, (cells[0].mask, cells[1].mask), alignment)
+    return parts, {"own_rows": own_rows, "by_li": by_li(both, cells, samplings, placed, parameters)}
+
+
 def _doubts_of_scale(a: Side, b: Side, alignment: Alignment, parameters: CompareParameters) -> Iterator[Doubt]:
     if scale_at_limit(alignment, parameters):
         orientation = ((alignment.mirrored, alignment.z_reversed),)
         searched = parameters.z_scale_min, parameters.z_scale_max
         farther = fit_stretched(a.evidence, b.evidence, orientation, searched)
         yield from doubts_of_scale(alignment, farther, parameters, a, b)
-
-
-def _on_own_rows(both: tuple[Side, Side], cells: tuple[Segmentation, Segmentation], alignment: Alignment) -> OwnRows:
-    """Return the overlap on B's own samples: A is brought to them, and B is not interpolated at all."""
-    a, b = both
-    placement = Placement.averaging(a.grid, alignment.inverse(), b.grid)
-    one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))
-    two = Surface("", cells[1].mask, b.panorama.valid)
-    sites = find_sites(one.mask, two.mask, one.valid & two.valid, b.grid.dz_mm * b.grid.dtheta_mm)
-    return OwnRows(rows_of=b.name, **dict(overlap(one, two, sites)))
 
 
 def _reached(valid: Mask) -> Mask:
@@ -239,11 +246,11 @@ def _result(
     cells: Mapping[str, Segmentation],
     valid: tuple[Mask, Mask],
     dz_mm: float,
-    scored: Scored,
-    own_rows: OwnRows | None,
+    scores: PairScores | None,
+    budget: Budget | None,
 ) -> Result:
     first, second = cells
-    aligned, scores = isinstance(search_result, Alignment), scored.scores
+    aligned = isinstance(search_result, Alignment)
     covered = _reached(valid[0]) & _reached(valid[1])
     both = valid[0] & valid[1]
     return Result(
@@ -258,8 +265,8 @@ def _result(
         threshold={name: _threshold(of_side) for name, of_side in cells.items()},
         polarity={name: s.polarity for name, s in cells.items()},
         polarity_from={name: s.polarity_from for name, s in cells.items()},
-        scores=scores.model_copy(update={"own_rows": own_rows}) if scores else None,
-        budget=scored.budget,
+        scores=scores,
+        budget=budget,
         bootstrap=BOOTSTRAP,
         valid_fraction=float(both[covered].mean()) if covered.any() else 0.0,
         overlap_mm=float(covered.sum()) * dz_mm,

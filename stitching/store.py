@@ -22,6 +22,7 @@ from endoct.base.zarr.zarr_store import (
     read_arrays,
     read_attributes,
     write_arrays,
+    write_attributes,
 )
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import FORMAT, SURFACE, AxialScale, Panorama
@@ -39,6 +40,11 @@ def save_panorama(panorama: Panorama, path: Path) -> None:
     arrays = {name: Named(*variable) for name, variable in panorama.variables().items()}
     frame_z = f"{panorama.frame_dim}_z_mm"
     write_arrays(path, arrays, panorama.attributes(), coordinates=[frame_z] if frame_z in arrays else ())
+
+
+def save_notes(panorama: Panorama, path: Path) -> None:
+    """Write what is said of ``panorama`` anew into the store that :func:`save_panorama` wrote of it."""
+    write_attributes(path, panorama.attributes())
 
 
 def stored_grid(attributes: Mapping[str, Any], shape: tuple[int, ...], subject: str) -> SurfaceGrid:

@@ -10,7 +10,7 @@ import numpy as np
 
 from endoct.fusion.files.store import save_comparison
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.result import Overlap, OwnRows, PairScores, Result, StoredAlignment, Threshold
+from endoct.fusion.result import ByLi, Overlap, OwnRows, PairScores, Result, StoredAlignment, Threshold
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
@@ -71,6 +71,7 @@ def _result(names: tuple[str, str], jaccard: float | None) -> Result:
     dice = 2 * jaccard / (1 + jaccard) if aligned else None
     alignment = Alignment(1.5, -0.4321, 1.0123, mirrored=True, confidence=0.629, correlation=0.934, ratio=3.06)
     of_rows = OwnRows(rows_of=names[1], jaccard=0.8765, dice=dice, both_mm2=1.25, only_a_mm2=0.1)
+    of_li = ByLi(grid=_overlap(0.4321), own_rows=of_rows.model_copy(update={"jaccard": 0.4567}), threshold={})
     return Result(
         sides=names,
         aligned=aligned,
@@ -79,7 +80,7 @@ def _result(names: tuple[str, str], jaccard: float | None) -> Result:
         jaccard=jaccard,
         dice=dice,
         threshold={names[0]: Threshold(value=0.4123, unit="1", of="darkness <capped>")},
-        scores=None if jaccard is None else PairScores(grid=_overlap(jaccard), own_rows=of_rows),
+        scores=None if jaccard is None else PairScores(grid=_overlap(jaccard), own_rows=of_rows, by_li=of_li),
         valid_fraction=0.943,
         overlap_mm=2.7,
         doubts=(),

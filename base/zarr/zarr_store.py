@@ -5,6 +5,7 @@ array only after a check of what it declares, and of every chunk. Only what is o
 (:mod:`endoct.base.zarr.zarr_metadata`) goes on: a codec that is not there may run code. Links are not followed.
 """
 
+import json
 import math
 import os
 import struct
@@ -218,6 +219,13 @@ def consolidate(path: Path) -> None:
     """Gather the metadata of all arrays below ``path`` in one place, for readers to open at once."""
     with _unspecified():
         zarr.consolidate_metadata(str(path))
+
+
+def write_attributes(path: Path, attributes: Mapping[str, Any]) -> None:
+    """Write ``attributes`` of the Zarr group at ``path`` in place of those of their names."""
+    metadata = read_object(path / "zarr.json", MOST_METADATA_BYTES)
+    metadata["attributes"] |= attributes  # by hand: what else lies in the store need be none of its arrays
+    (path / "zarr.json").write_text(json.dumps(metadata, indent=2), encoding="utf-8")
 
 
 def read_attributes(path: Path) -> dict[str, Any]:

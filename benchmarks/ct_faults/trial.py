@@ -8,13 +8,16 @@ from random import Random
 
 import numpy as np
 
+from benchmarks.ct_faults import codings
 from benchmarks.ct_faults.drawn import Drawn, drawn
 from benchmarks.ct_faults.faults import FAULTS, SOUND, Write
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.ct_volume import CtVolume, holds_labels, read_ct
+from endoct.modalities.reading.recording import open_stack
 
 PLACE_MM = 0.01
 WRITERS: Mapping[str, Write] = {**FAULTS, **SOUND}
+CODINGS = {"CT coded": codings.ct, "pictures coded": codings.pictures}
 RIGHT, REFUSED, DOUBTED, BELIEVED = "right", "refused", "doubted", "believed"
 
 
@@ -44,6 +47,32 @@ def tried(fault: str, number: int, seed: int, scratch: Path) -> Trial:
         return Trial(fault, number, RIGHT, "; ".join(ct.notes))
     end = DOUBTED if ct.doubts else BELIEVED
     return Trial(fault, number, end, "; ".join(doubt.what for doubt in ct.doubts) or f"{ct.kind}: {path}")
+
+
+def tried_coding(kind: str, number: int, seed: int, scratch: Path) -> Trial:
+    """Write a CT or pictures whose header and samples were drawn, read them, and say what became of them.
+
+    A sound one that is not right, without a doubt, is "believed" too, so that it counts as wrong.
+    """
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    coded = CODINGS[kind](scratch, Random(f"{seed} {kind} {number}"))
+    try:
+        if kind == "CT coded":
+            ct = read_ct(coded.path)
+            frames, doubts = ct.voxels, ct.doubts
+        else:
+            stack = open_stack(coded.path)
+            frames, doubts = np.stack([stack[k] for k in range(len(stack))]), stack.remarks.doubts
+    except EndoctError as error:
+        return Trial(coded.said, number, BELIEVED if coded.sound else REFUSED, str(error))
+    doubts = tuple(
+        doubt for doubt in doubts if doubt.code in ("dicom-header-against-pictures", "ct-padding-like-tissue")
+    )
+    said = "; ".join(doubt.what for doubt in doubts)
+    if codings.is_right(frames, coded):
+        return Trial(coded.said, number, BELIEVED if coded.sound and doubts else RIGHT, said)
+    return Trial(coded.said, number, DOUBTED if doubts and not coded.sound else BELIEVED, said)
 
 
 def _is_right(ct: CtVolume, truth: Drawn) -> bool:

@@ -14,6 +14,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result.scores import (
     Budget,
+    ByLi,
     Count,
     Flags,
     MaskScores,
@@ -301,6 +302,11 @@ class Result(Part):
     def own_rows_jaccard(self) -> float | None:
         """The Jaccard index on B's own samples; None where there is nothing to score."""
         return self.scores.own_rows.jaccard if self.scores and self.scores.own_rows else None
+
+    @property
+    def by_li(self) -> ByLi | None:
+        """The overlap by Li's threshold alone; None where there is none."""
+        return self.scores.by_li if self.scores else None
 
     @property
     def forced(self) -> bool:

@@ -212,13 +212,25 @@ class _OnGrid(Part):
     grid: Overlap = Overlap()
 
 
+class ByLi(_OnGrid):
+    """The overlap of the two sides by Li's threshold alone, on the same samples as that of the cells that were found.
+
+    ``threshold``: by side, in mm where its depth was thresholded; else a difference of logarithms of the intensity.
+    """
+
+    own_rows: OwnRows
+    threshold: dict[str, Number]
+
+
 class PairScores(Scores, _OnGrid):
     """The scores of the two sides: ``grid`` their overlap on the common grid, ``own_rows`` that on B's own samples.
 
+    ``by_li`` is their overlap by Li's threshold alone; None where a side is a mask or shows nothing to threshold.
     ``reliefs`` compares their depth, where both know it.
     """
 
     own_rows: OwnRows | None = None
+    by_li: ByLi | None = None
     reliefs: Reliefs | None = None
 
 

@@ -10,20 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
-from endoct.base.numeric.circle import masked_gaussian
-from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
+from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.regions import clean, label, looked_up, quantiles
-from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 
 LEAST_DEPTH_MM = 0.05
@@ -44,9 +41,6 @@ MOST_UNCLAIMED = 0.03
 """Walls above either of these two had a Jaccard index of 0.41 to 0.78 against the truth, all others 0.60 and more.
 They are 90 endoscope walls of a second generator (benchmarks/independent: sound, seeds 1300–1339 and 1500–1539, few
 and many)."""
-LEAST_RELIEF_SIGMAS = 4.0
-"""The least threshold of relief, as a multiple of the wall's own spread. Li's threshold lies at 7 of these and more in
-bores with cells, at 0.3 without any."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +127,6 @@ def believability_of(
     )
 
 
-def spread_of_wall(observed: NDArray[np.float32]) -> float:
-    """Return the standard deviation of the wall's own evidence, by what lies in front of it, below 0."""
-    front = observed[observed < 0]
-    return robust_sigma(front) if front.size else 0.0
-
-
 def doubts_of_cells(shares: Believability) -> Iterator[Doubt]:
     """Yield why what was segmented is not to be trusted as cells."""
     if shares.noise > MOST_NOISE:
@@ -201,7 +189,6 @@ def find_cells(
 ) -> Segmentation:
     """Return the cells that ``evidence`` shows: Li's threshold, opened, closed, and without small cells.
 
-    Where Li's threshold lies within the wall's own relief there are hardly any cells, and it is raised beyond that.
     ``relief`` by parallax on the same samples, if any, corrects what intensity shows. Evidence that is a mask is taken
     as it is.
 
@@ -211,31 +198,20 @@ def find_cells(
     polarity: Polarity | None = None
     if evidence.kind == "mask":
         return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None)
-    smooth = masked_gaussian(
-        evidence.values, evidence.valid, p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
-    )
-    low, high = bounds(evidence, smooth, p)
+    li = above_li(evidence, p)
+    mask, threshold, smooth = li.mask, li.threshold, li.smooth
     if evidence.kind == "relief":
         unit = "mm"
-        of = f"relief behind the wall, floored at {low:g} and capped at {high:g} mm"
+        of = f"relief behind the wall, floored at {li.low:g} and capped at {li.high:g} mm"
     else:
         polarity, unit = ("dark" if evidence.kind == "darkness" else "bright"), "1"
         sign = "−log" if polarity == "dark" else "log"
-        of = f"{sign} of intensity relative to the wall's, floored at {low:.2g} and capped at {high:g}"
-    prepared = np.clip(smooth, low, high)
-    try:
-        threshold = li_threshold(prepared[evidence.valid])
-    except EndoctError as error:
-        raise EndoctError(
-            "a side shows no cells to threshold", found=error.found, expected="wall and cells that differ"
-        ) from error
-    if evidence.kind == "relief" and threshold < (least := _least_threshold(smooth[evidence.valid], p)):
-        threshold = least
+        of = f"{sign} of intensity relative to the wall's, floored at {li.low:.2g} and capped at {li.high:g}"
+    if li.was_raised:
         of += f", raised to {LEAST_RELIEF_SIGMAS:g} times the spread of a wall without cells"
-    mask = clean(evidence.valid & (prepared > threshold), evidence.dz_mm, evidence.column_mm, p) & evidence.valid
     clear = None
     if p.outlines and evidence.kind == "darkness":
-        clear = clearest_regions(evidence, np.clip(smooth, 0, high), threshold, p)
+        clear = clearest_regions(evidence, np.clip(smooth, 0, li.high), threshold, p)
     dark = mask if clear is None else clear
     if clear is not None:
         mask = clear | enclosed_by_lines(evidence, clear, p)
@@ -267,23 +243,3 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
     what = f"Cells are those of the method '{name}'; endoct does not judge how far to trust them."
     doubts = (Doubt("cells-by-method", what),)
     return Segmentation(mask & panorama.valid, None, "1", f"cells by the method '{name}'", None, doubts=doubts)
-
-
-def _least_threshold(relief_mm: Image, parameters: SegmentParameters) -> float:
-    """Return the least threshold of relief (n,), mm: Li's method splits even a wall without cells."""
-    return min(LEAST_RELIEF_SIGMAS * spread_of_wall(relief_mm), parameters.relief_cap_mm / 2)
-
-
-def bounds(evidence: Evidence, smooth: Image, parameters: SegmentParameters) -> tuple[float, float]:
-    """Return the values of ``evidence``, smoothed, between which the threshold is sought: below is wall, above is cell.
-
-    There are no cells in front of the wall, so what lies there shows the wall's own spread. Where nothing stands out
-    of that spread, the floor of contrast is 0.
-    """
-    p = parameters
-    if evidence.kind == "relief":
-        return p.relief_floor_mm, p.relief_cap_mm
-    contrast = smooth[evidence.valid]
-    # a floor near the cap would leave nothing between them
-    floor = min(p.contrast_floor_sigmas * spread_of_wall(contrast), p.contrast_cap / 2)
-    return (floor if (contrast > floor).any() else 0.0), p.contrast_cap

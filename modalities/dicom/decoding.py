@@ -129,6 +129,8 @@ def decoded_rle(picture: bytes, stated: Stated) -> NDArray[Any]:
     if planes != expected:
         raise ValueError(f"{planes} planes of bytes where the header has {expected}")
     room = bytearray(stated.rows * stated.columns * expected)
-    imagecodecs.dicomrle_decode(picture, dtype, out=room)
+    count = len(imagecodecs.dicomrle_decode(picture, dtype, out=room))
+    if count != len(room):
+        raise ValueError(f"{count} bytes where the header has {len(room)}")
     samples = np.frombuffer(room, dtype).reshape(stated.samples, stated.rows, stated.columns)
     return samples[0] if stated.samples == 1 else np.ascontiguousarray(np.moveaxis(samples, 0, -1))

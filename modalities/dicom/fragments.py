@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
+from endoct.modalities.dicom.decoding import CODESTREAM
 
 if TYPE_CHECKING:
     from pydicom import Dataset
@@ -24,6 +25,7 @@ ITEM, END = b"\xfe\xff\x00\xe0", b"\xfe\xff\xdd\xe0"
 MOST_TABLE_BYTES = 8_000_000
 MOST_FRAMES = 1_000_000
 COPY = "copy it again"
+STARTS = (b"\xff\xd8\xff", CODESTREAM[:3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +53,9 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
     """Return where compressed frames lie. Raises :class:`EndoctError` where they are not all there."""
     table, pieces = np.split(fragments_of(file, path, start), [1])
     n = len(pieces)
-    if n == n_frames or (n_frames == 1 and n):
-        return Places(pieces, np.linspace(0, n, n_frames + 1, dtype=np.int64))
     offsets = _table(file, header, *table[0].tolist()) if n else np.empty(0, np.int64)
+    if n == n_frames or (n_frames == 1 and n and len(offsets) < 2 and not _begins(file, pieces[1:, 0].tolist())):
+        return Places(pieces, np.linspace(0, n, n_frames + 1, dtype=np.int64))
     if len(offsets) != n_frames:
         found = f"{n} fragments" + ("" if n < n_frames else ", which nothing assigns to frames")
         raise EndoctError(f"{path} is not whole", found=found, expected=f"{n_frames} frames", remedy=COPY)
@@ -66,6 +68,15 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
     ):
         raise EndoctError(f"{path} is damaged", found="a table of frames that leads nowhere", remedy=COPY)
     return Places(pieces, np.append(first, n))
+
+
+def _begins(file: BufferedReader, places: list[int]) -> bool:
+    """Say whether a JPEG, or JPEG 2000, begins at one of some places."""
+    for at in places:
+        file.seek(at)
+        if file.read(3) in STARTS:
+            return True
+    return False
 
 
 def fragments_of(file: BufferedReader, path: Path, start: int) -> NDArray[np.int64]:

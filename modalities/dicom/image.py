@@ -163,11 +163,12 @@ def _check_length(of: DicomFile, file: BufferedReader, stated: Stated, n_frames:
     pixels = stated.rows * stated.columns
     count = 2 * pixels if stated.photometric == HALF_WIDTH else pixels * stated.samples
     needed, size = math.ceil(n_frames * count * stated.bits / 8), os.fstat(file.fileno()).st_size
+    least = min(count // stated.rows, count // stated.columns)  # a row or a column less
     if of.length == UNDEFINED:
         raise EndoctError(f"{of.path} cannot be read", found="samples of a length that is not known")
     if of.length >= needed > size - of.start:
         raise EndoctError(f"{of.path} is cut off", found=f"{size} bytes", expected=f"{of.start + needed}", remedy=COPY)
-    if not needed <= of.length < needed + max(2, count * stated.bits // 8 // stated.rows):  # some writers pad
+    if not needed <= of.length < needed + max(2, least * stated.bits // 8):  # some writers pad
         raise EndoctError(
             f"{of.path} has other samples than its header says",
             found=f"{of.length} bytes",

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, readonly
+from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, NotSeen
 from endoct.base.files.files import exists
 from endoct.modalities.acquisition import Acquisition
@@ -30,6 +31,8 @@ from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.stated import on_stated
 
 LEAST_SIDE_PX = 32
+NOT_SQUARE = 0.02
+"""A pixel's sides may differ by this share: resolutions are rounded."""
 SIDE_PX = 240
 """Images are reduced to about this shorter side; an annulus is as clear then."""
 
@@ -46,7 +49,7 @@ class EndoscopeRecording:
     @property
     def remarks(self) -> Remarks:
         """What is to be said of the files, and of the frames read so far."""
-        return self.stack.remarks + self.on_places
+        return self.stack.remarks + self.on_places + _on_pixels(self.stack.pixel_aspect)
 
     def __len__(self) -> int:
         return len(self.stack)
@@ -91,6 +94,17 @@ def open_frames(path: Path, acquisition: Acquisition) -> EndoscopeRecording:
         positions_mm=acquisition.positions_mm,
     )
     return EndoscopeRecording(stack, acquisition, readonly(z_mm, np.float64), on_places)
+
+
+def _on_pixels(aspect: float) -> Remarks:
+    """Return a doubt where pixels are not square by what the file says."""
+    if abs(np.log(aspect)) < NOT_SQUARE:
+        return NONE
+    what = (
+        f"The file states that its pixels are {aspect:.3g} times as wide as high. That was not used: what counts is "
+        "the ring's own shape in the frames."
+    )
+    return Remarks(doubts=(Doubt("pixel-aspect-stated", what, value=aspect, unit="1", expected=1.0),))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of samples near the largest float

@@ -46,7 +46,7 @@ def read_npy(path: Path) -> tuple[int, ReadBlocks]:
         offset = file.tell()
         size = file.seek(0, 2)
     if dtype.hasobject or dtype.fields is not None or dtype.subdtype is not None or dtype.kind not in "uif":
-        raise EndoctError(f"{path} holds no images", found=str(dtype)[:80], expected="u8, u16 or f32 samples")
+        raise EndoctError(f"{path} holds no images", found=str(dtype)[:80], expected="numbers")
     frames = shape if len(shape) > 2 else (1, *shape)
     if len(frames) not in (3, 4) or (by_column and sum(n > 1 for n in shape) > 1):
         raise EndoctError(

@@ -30,11 +30,12 @@ _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
 
-def read_image(path: Path) -> tuple[NDArray[Any], int]:
-    """Return the image in a file, upright, and the orientation in which it is stored.
+def read_image(path: Path) -> tuple[NDArray[Any], int, float]:
+    """Return the image in a file, upright, the orientation in which it is stored, and the aspect of a pixel as stored.
 
     u8 or u16, (row, column) or (row, column, channel): RGB, or grey or RGB with transparency last. Raises
-    :class:`EndoctError` where the file is none, is damaged, or asks for too much memory.
+    :class:`EndoctError` where the file is none, is damaged, or asks for too much memory. The aspect is how many times
+    as wide as high a pixel is, by the header.
     """
     said = f"{path} is no readable image"
     expected, remedy = "PNG, JPEG, BMP or TIFF", "copy or export the file again"
@@ -44,13 +45,14 @@ def read_image(path: Path) -> tuple[NDArray[Any], int]:
             check_array_size((size,), 1, f"{path}")
             data = file.read(size)
         if data.startswith(_PNG):
-            image, orientation = _png(data, path)
-            return upright(image, orientation), orientation
+            image, orientation, aspect = _png(data, path)
+            return upright(image, orientation), orientation, aspect
         if data.startswith(_JPEG):
             orientation = _orientation_of_jpeg(data)
-            return upright(_jpeg(data, path), orientation), orientation
+            across, down = struct.unpack(">HH", data[14:18]) if data[6:11] == b"JFIF\0" else (1, 1)
+            return upright(_jpeg(data, path), orientation), orientation, _aspect(across, down)
         if data.startswith(_BMP):
-            return _bmp(data, path), UPRIGHT
+            return _bmp(data, path), UPRIGHT, 1.0
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
 
 
@@ -63,7 +65,12 @@ def check_jpeg(data: bytes, shape: tuple[int, int], subject: str) -> None:
         )
 
 
-def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
+def _aspect(across: int, down: int) -> float:
+    """Return the aspect of pixels of which there are so many in a length; 1 where that is not said."""
+    return down / across if across and down else 1.0
+
+
+def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int, float]:
     chunks = list(_chunks(data))
     if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 25 or chunks[-1][0] != b"IEND":
         raise EndoctError(f"{path} is damaged or truncated", found="a PNG without its first or last part")
@@ -72,7 +79,8 @@ def _png(data: bytes, path: Path) -> tuple[NDArray[Any], int]:
     # texts, profiles and animations are of no use, and may be large when they are unpacked
     image = imagecodecs.png_decode(_PNG + b"".join(part for kind, part in chunks if kind in _PICTURE))
     exif = next((part[8:-4] for kind, part in chunks if kind == b"eXIf"), b"")
-    return np.asarray(image), orientation_in_exif(exif)
+    sizes = next((part[8:16] for kind, part in chunks if kind == b"pHYs" and len(part) == 21), bytes(8))
+    return np.asarray(image), orientation_in_exif(exif), _aspect(*struct.unpack(">II", sizes))
 
 
 def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:

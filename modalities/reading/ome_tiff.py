@@ -2,20 +2,22 @@
 
 ``Pixels`` states sizes in X, Y, Z, C and T, the order of planes, and physical sizes with their units. Without a unit
 these are µm and s. ``TiffData`` says which plane lies on which page, and may name another file. A frame is a plane
-along Z or T, whichever has several. The traps:
+along Z or T, whichever has several. ``Plane`` may say of each where the stage stood and when it was taken. The traps:
 
 - several images;
 - channels in planes of their own;
 - frames that are called channels because nobody named the axes;
 - frames in other files;
-- units that are none ("pixel").
+- units that are none ("pixel", and the "reference frame" that a stage's place has by itself).
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.etree.ElementTree import Element
 
+import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
@@ -23,12 +25,15 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
 from endoct.base.files.xml_tree import MOST_BYTES, local_name, read_xml
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
+from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.reading.tiff import is_tiff, read_tiff
 from endoct.modalities.reading.tiff_directory import MOST_PAGES, pages
 
 DESCRIPTION = 270
+JITTER = 0.1
+"""Places of a stage and times of a camera jitter by this share of a step."""
 LOOKED_AT = 4096
 ORDERS = ("XYZCT", "XYZTC", "XYCTZ", "XYCZT", "XYTCZ", "XYTZC")
 PLAIN = "export it as a plain TIFF, one page a frame"
@@ -40,6 +45,7 @@ class _ReadPlanes:
 
     read: Any
     pages: tuple[int, ...]
+    pixel_aspect: float
 
     @property
     def remarks(self) -> Remarks:
@@ -70,8 +76,9 @@ def _open(files: Files) -> Frames:
     with refusing(f"the OME-XML of {path} cannot be used", remedy=PLAIN):
         pixels = _pixels(path, root)
         planes, on_planes = _planes(path, root, pixels, n_pages)
-        remarks = _steps(pixels).remarks + on_planes
-    return Frames(len(planes), _ReadPlanes(read, planes), remarks=remarks)
+        along, on_places = _along(pixels, len(planes))
+        remarks = _steps(pixels).remarks + on_planes + on_places
+    return Frames(len(planes), _ReadPlanes(read, planes, _pixel_aspect(pixels)), along, remarks)
 
 
 def _states(files: Files) -> Stated:
@@ -144,6 +151,40 @@ def _planes(path: Path, root: Element, pixels: Element, n_pages: int) -> tuple[t
         return tuple(planes), NONE
     what = f"The OME-XML calls the {n_frames} planes channels, not places or times; they were taken for frames."
     return tuple(planes), Remarks(doubts=(Doubt("frames-as-channels", what, value=float(n_frames), unit="1"),))
+
+
+def _along(pixels: Element, n_frames: int) -> tuple[Along | None, Remarks]:
+    """Return where frames lie by the planes' own places, or else, of frames along T, by their times.
+
+    A place or a time that is the same throughout says nothing.
+    """
+    axis = "T" if int(pixels.get("SizeT", "1")) > 1 else "Z" if int(pixels.get("SizeZ", "1")) > 1 else "C"
+    planes = {plane.get(f"The{axis}", ""): plane for plane in pixels if local_name(plane) == "Plane"}
+    in_order = [planes.get(str(k)) for k in range(n_frames)]
+    for name, units in (("PositionZ", MM), ("DeltaT", SECONDS)):
+        if name == "DeltaT" and axis != "T":
+            continue
+        values = [None if plane is None else plane.get(name) for plane in in_order]
+        told = [float(value) for value in values if value is not None]
+        if n_frames < 2 or len(set(told)) < 2:
+            continue
+        if len(told) < n_frames or not all(map(math.isfinite, told)):
+            what = f"The OME-XML states {name} of {len(told)} of {n_frames} frames; all were placed evenly."
+            return None, Remarks(doubts=(Doubt("frames-uneven", what),))
+        assumed = "s" if name == "DeltaT" else ""
+        stated = {plane.get(f"{name}Unit", assumed) for plane in in_order if plane is not None}
+        factor = units.get(stated.pop()) if len(stated) == 1 else None
+        along = np.array(told) * (factor or 1.0)
+        along = along if along[-1] > along[0] else -along
+        unit: Literal["", "mm", "s"] = "" if factor is None else "mm" if units is MM else "s"
+        return Along(along, unit, f"{name} in the OME-XML", within=JITTER), NONE
+    return None, NONE
+
+
+def _pixel_aspect(pixels: Element) -> float:
+    """Return how many times as wide as high a pixel is by its physical size, 1 where that is not said."""
+    x, y = (in_units(pixels.get(f"PhysicalSize{a}"), pixels.get(f"PhysicalSize{a}Unit", "µm"), MM) for a in "XY")
+    return x / y if x and y else 1.0
 
 
 def _check_own(path: Path, root: Element, block: Element) -> None:

@@ -34,14 +34,18 @@ FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, I
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 
+SAMPLES = (np.uint8, np.uint16, np.float32)
+"""All that reads frames takes these types of samples, and no others."""
+
+
 class ImageStack:
     """A sized, indexable, picklable stack of frames; indexing reads one frame from disk.
 
-    ``stack[i]`` is a read-only array in the file's dtype, (row, column) or (row, column, channel) with
-    channels as RGB; transparency is dropped. Raises :class:`EndoctError` where a file is truncated or
-    unreadable, or a frame differs in shape or dtype from the first, or is not finite. ``along`` is what the files say
-    of where frames lie; ``remarks`` what is to be said of the files, frames that repeat others among it, as far as
-    they were read.
+    ``stack[i]`` is a read-only array of one of :data:`SAMPLES`, (row, column) or (row, column, channel) with channels
+    as RGB; transparency is dropped, and what a file holds in another type is float32. Raises :class:`EndoctError` where
+    a file is truncated or unreadable, or a frame differs in shape or dtype from the first, or is not finite. ``along``
+    is what the files say of where frames lie; ``remarks`` what is to be said of the files, frames that repeat others
+    among it, as far as they were read.
     """
 
     def __init__(
@@ -62,12 +66,8 @@ class ImageStack:
         first = self._frame(0)
         self.frame_shape: tuple[int, ...] = first.shape
         self.dtype: np.dtype[Any] = first.dtype
-        if first.dtype.kind not in "uif" or 0 in first.shape:
-            raise EndoctError(
-                f"{path} holds no images",
-                found=f"{first.dtype} {first.shape}",
-                expected="u8, u16 or f32 samples",
-            )
+        if first.dtype not in SAMPLES or 0 in first.shape:
+            raise EndoctError(f"{path} holds no images", found=f"{first.dtype} {first.shape}", expected="numbers")
 
     def __len__(self) -> int:
         return self._n_frames
@@ -116,6 +116,12 @@ class ImageStack:
         return self._remarks + remarks_of(self.reader) + on_repeated(self._prints, self._frame)
 
     @property
+    def pixel_aspect(self) -> float:
+        """How many times as wide as high the file says that a pixel is, 1 where it does not; as far as it was read."""
+        aspect = float(getattr(self.reader, "pixel_aspect", 1.0))
+        return aspect if np.isfinite(aspect) and aspect > 0 else 1.0
+
+    @property
     def palette(self) -> NDArray[Any] | None:
         """The colours of a TIFF whose samples are their numbers, (n,) grey or (n, 3); None for any other file."""
         return getattr(self.reader, "palette", None)
@@ -128,7 +134,10 @@ class ImageStack:
         frame = self.reader(index)
         if frame.ndim == 3 and frame.shape[2] in (1, 2, 4):
             frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
-        return frame
+        if frame.dtype in SAMPLES or frame.dtype.kind not in "uif":
+            return frame
+        with np.errstate(over="ignore"):  # what is beyond float32 is not finite, and refused so
+            return frame.astype(np.float32)
 
 
 def open_stack(path: Path) -> ImageStack:
@@ -260,21 +269,20 @@ class _ReadGrey:
 
 
 class _ReadImages:
-    """Reads one file a frame, all of them stored in the same orientation."""
+    """Reads one file a frame, all of them stored in the same orientation.
+
+    ``remarks`` and ``pixel_aspect`` are those of the first of them, once it was read.
+    """
 
     def __init__(self, files: tuple[Path, ...]) -> None:
         self.files = files
         self._orientation = UPRIGHT
-
-    @property
-    def remarks(self) -> Remarks:
-        """What is to be said of how the images are stored, once the first of them was read."""
-        return on_orientation(self._orientation)
+        self.remarks, self.pixel_aspect = NONE, 1.0
 
     def __call__(self, index: int) -> NDArray[Any]:
-        frame, orientation = _read_single(self.files[index])
+        frame, orientation, pixel_aspect, remarks = _read_single(self.files[index])
         if not index:
-            self._orientation = orientation
+            self._orientation, self.pixel_aspect, self.remarks = orientation, pixel_aspect, remarks
         if orientation != self._orientation:
             raise EndoctError(
                 f"{self.files[index]} is stored in another orientation than the first image",
@@ -285,13 +293,14 @@ class _ReadImages:
         return frame
 
 
-def _read_single(path: Path) -> tuple[NDArray[Any], int]:
-    """Return the image in a file that holds one, and its orientation.
+def _read_single(path: Path) -> tuple[NDArray[Any], int, float, Remarks]:
+    """Return the image in a file that holds one, its orientation, the aspect of its pixels, and what is to be said.
 
     Raises :class:`EndoctError` where it holds several, or none.
     """
     if not is_tiff(path):
-        return read_image(path)
+        image, orientation, pixel_aspect = read_image(path)
+        return image, orientation, pixel_aspect, on_orientation(orientation)
     n_pages, read = read_tiff(path)
     if n_pages > 1:
         raise EndoctError(
@@ -300,7 +309,7 @@ def _read_single(path: Path) -> tuple[NDArray[Any], int]:
             expected="1",
             remedy="keep each recording in a folder of its own",
         )
-    return read(0), read.layout.orientation
+    return read(0), read.layout.orientation, read.pixel_aspect, read.remarks
 
 
 def _alike(file: Path, other: Path) -> bool:

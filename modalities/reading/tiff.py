@@ -29,7 +29,9 @@ from endoct.modalities.reading.tiff_directory import (
     MOST_PAGES,
     MOST_TABLE_BYTES,
     PALETTE,
+    RGB,
     WHITE_IS_ZERO,
+    YCBCR,
     Layout,
     Page,
     damaged,
@@ -44,6 +46,10 @@ TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 MOST_DESCRIPTION = 100_000
 COPIES = 2
 """Decoding holds at most this many times the page: the page and a copy in another byte order."""
+_UNCALIBRATED = "20"
+"""ImageJ's number of no function."""
+_ADOBE_YCBCR = re.compile(rb"\xff\xee..Adobe.{6}\x01", re.DOTALL)
+"""This in a JPEG says that its colours are YCbCr."""
 DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
@@ -74,26 +80,40 @@ def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
                     expected="pages of one kind",
                     remedy="remove the others, or export the recording again",
                 )
-        stacked = _frames_declared(first, file, layout)
+        stacked, calibrated = _frames_declared(first, file, layout), _calibrated(first, file)
         if len(places) == 1 and stacked > 1:
-            return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette)
+            return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette, calibrated)
         for end in (first, page):  # a copy that was cut off lacks the last
             end.segments(file, layout)
-        return len(places), _ReadTiff(_ReadTiffPages(path, places, layout), layout, palette)
+        return len(places), _ReadTiff(_ReadTiffPages(path, places, layout), layout, palette, calibrated)
 
 
 class _ReadTiff:
-    """Reads one frame as it is to be seen: samples turned over where 0 is white, colours for their numbers, upright."""
+    """Reads one frame as it is to be seen: samples turned over where 0 is white, colours for their numbers, upright.
 
-    def __init__(self, read: Callable[[int], NDArray[Any]], layout: Layout, palette: NDArray[Any] | None) -> None:
-        self._read, self.layout, self.palette = read, layout, palette
+    ``calibrated``: what ImageJ adds to samples, and before that multiplies them by; empty where it does nothing.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[int], NDArray[Any]],
+        layout: Layout,
+        palette: NDArray[Any] | None,
+        calibrated: tuple[float, ...],
+    ) -> None:
+        self._read, self.layout, self.palette, self._calibrated = read, layout, palette, calibrated
+        self.pixel_aspect = layout.pixel_aspect
 
     @property
     def remarks(self) -> Remarks:
         """What was done to all frames."""
-        note = "The TIFF says that 0 is white (WhiteIsZero); its samples were turned over, so that 0 is black."
-        turned_over = self.layout.photometric == WHITE_IS_ZERO
-        return Remarks(notes=(note,) if turned_over else ()) + on_orientation(self.layout.orientation)
+        notes = []
+        if self.layout.photometric == WHITE_IS_ZERO:
+            notes.append("The TIFF says that 0 is white (WhiteIsZero); its samples were turned over: 0 is black now.")
+        if self._calibrated:
+            c0, c1 = self._calibrated
+            notes.append(f"ImageJ's calibration was applied, as Fiji shows values: {c0:g} + {c1:g} × what is stored.")
+        return Remarks(notes=tuple(notes)) + on_orientation(self.layout.orientation)
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return one frame, upright, black as 0; numbers of colours where there is a palette."""
@@ -111,7 +131,12 @@ class _ReadTiff:
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one frame."""
         frame = self.stored(index)
-        return frame if self.palette is None else self.palette[frame.astype(np.intp, copy=False)]
+        if self.palette is not None:
+            return self.palette[frame.astype(np.intp, copy=False)]
+        if not self._calibrated:
+            return frame
+        c0, c1 = self._calibrated
+        return (c0 + c1 * frame.astype(np.float64)).astype(np.float32)
 
 
 class _ReadTiffPages:
@@ -133,8 +158,8 @@ class _ReadTiffPages:
             check_array_size((COPIES, *layout.shape), layout.dtype.itemsize, f"a page of {self.path}")
             with tifffile.TiffFile(io.BytesIO(_alone(page, file, layout))) as tiff:
                 frame = np.asarray(tiff.pages[0].asarray())
-        if frame.shape != layout.shape:
-            raise EndoctError(said, found=f"{frame.shape}", expected=f"{layout.shape}")
+        if frame.shape != layout.shape or frame.dtype.newbyteorder("=") != layout.dtype:
+            raise EndoctError(said, found=f"{frame.dtype} {frame.shape}", expected=f"{layout.dtype} {layout.shape}")
         return frame
 
 
@@ -164,6 +189,8 @@ def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
             check_jpeg(segment, (high, wide), f"a page of {page.path}")
 
     tags = {tag: page.numbers(file, tag, most=64) for tag in DECODING_TAGS if tag in page.tags}
+    if layout.photometric == RGB and any(_ADOBE_YCBCR.search(segment[:MOST_TABLE_BYTES]) for segment in segments):
+        tags[262] = (YCBCR,)  # the stream knows better
     places = (324, 325) if 322 in page.tags else (273, 279)
     n_tags = len(tags) + 2 + bool(tables)
     behind = 16 + 8 + 20 * n_tags + 8
@@ -186,6 +213,31 @@ def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
         entries.append(struct.pack(page.order + "HHQ", tag, kind, count) + inline)
         data.append(value)
     return b"".join([head, *entries, bytes(8), *data, *segments])
+
+
+def _calibrated(page: Page, file: BinaryIO) -> tuple[float, ...]:
+    """Return the line, (c0, c1), by which ImageJ shows the samples of a file; none where it shows them as they are.
+
+    Raises :class:`EndoctError` where it shows them by a curve.
+    """
+    text = page.text(file, 270, MOST_DESCRIPTION)
+    if not text.startswith("ImageJ="):
+        return ()
+    stated = dict(re.findall(r"^(cf|c0|c1)=(\S{1,40})\s*$", text, re.MULTILINE))
+    if stated.get("cf", _UNCALIBRATED) == _UNCALIBRATED:
+        return ()
+    try:
+        line = float(stated["c0"]), float(stated["c1"])
+    except (KeyError, ValueError):
+        line = (math.nan, math.nan)
+    if stated["cf"] != "0" or not all(map(math.isfinite, line)) or not line[1]:
+        raise EndoctError(
+            f"{page.path} is calibrated in a way that is not read",
+            found=f"ImageJ's function {stated['cf']}",
+            expected="a straight line, cf=0",
+            remedy="set the function to None under Analyze > Calibrate, and save it again",
+        )
+    return () if line == (0.0, 1.0) else line
 
 
 def _frames_declared(page: Page, file: BinaryIO, layout: Layout) -> int:

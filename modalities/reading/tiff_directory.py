@@ -6,7 +6,7 @@ Nothing of what a vendor adds to a TIFF is interpreted: no OME-XML, no sub-direc
 import math
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NoReturn
 
@@ -47,7 +47,8 @@ _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12
 class Layout:
     """What the frames of a recording have in common: ``shape`` (row, column) or (row, column, sample), and dtype.
 
-    As stored. ``photometric``: what samples mean, as the tag has it; ``bits`` of a sample; ``orientation``.
+    As stored. ``photometric``: what samples mean, as the tag has it; ``bits`` of a sample; ``orientation``;
+    ``pixel_aspect``: how many times as wide as high a pixel is, by the resolution.
     """
 
     shape: tuple[int, ...]
@@ -55,6 +56,7 @@ class Layout:
     photometric: int = BLACK_IS_ZERO
     bits: int = 8
     orientation: int = UPRIGHT
+    pixel_aspect: float = field(default=1.0, compare=False)
 
 
 @dataclass(frozen=True)
@@ -114,8 +116,26 @@ class Page:
         check_array_size(shape, dtype.itemsize, f"a page of {self.path}")
         photometric = self.number(file, 262, BLACK_IS_ZERO if samples < 3 else RGB)
         self._check_meaning(photometric, samples, dtype)
+        if photometric == YCBCR and self.number(file, 259, 1) != JPEG:
+            parts = self.numbers(file, 530, 2)
+            found = "colours as YCbCr" + (f", one for {' × '.join(map(str, parts))} pixels" if max(parts) > 1 else "")
+            raise EndoctError(
+                f"{self.path} is not read",
+                found=found,
+                remedy="give the video itself, or export RGB: ffmpeg -i VIDEO -pix_fmt rgb24 %05d.tiff",
+            )
         orientation = checked(self.number(file, ORIENTATION_TAG, UPRIGHT))
-        return Layout(shape, dtype, photometric, next(iter(bits)), orientation)
+        across, down = (self._ratio(file, tag) for tag in (282, 283))
+        aspect = down / across if across and down else 1.0
+        return Layout(shape, dtype, photometric, next(iter(bits)), orientation, aspect)
+
+    def _ratio(self, file: BinaryIO, tag: int) -> float:
+        """Return a number that is a ratio; 0 where there is none, or none that can be."""
+        kind, count, place = self.tags.get(tag, (0, 0, 0))
+        if (kind, count) != (5, 1):
+            return 0.0
+        above, below = np.frombuffer(taken(self.path, file, place, 8), self.order + "u4").tolist()
+        return above / below if below else 0.0
 
     def _check_meaning(self, photometric: int, samples: int, dtype: np.dtype[Any]) -> None:
         remedy = "export it as grey or RGB, black as 0"

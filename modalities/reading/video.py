@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -41,6 +42,8 @@ from endoct.modalities.reading.video_container import (
 if TYPE_CHECKING:
     import av
 
+LOOKED_AT = 64
+"""B-frames are among so many."""
 RECENT_FRAMES = 8
 """So many decoded frames are kept, since threads ask for neighbours in any order; fewer where frames are very large."""
 MOST_FRAMES = 1_000_000
@@ -49,6 +52,14 @@ STAMP_JITTER = 0.1
 times."""
 SHORTEST_STEP_S, LONGEST_STEP_S = 1e-5, 100.0
 """Frames of a camera lie between these apart; a file whose time stamps lie otherwise states no rate."""
+_WOVEN = (
+    "The video says that its frames are interlaced: every other row was taken half a frame later. What moves has "
+    "combs; the feed is less certain. Have the recorder write whole frames (progressive)."
+)
+_INTERLACED = Remarks(doubts=(Doubt("frames-interlaced", _WOVEN),))
+PROGRESSIVE = 1
+"""FFmpeg counts orders of fields from here on; 0 is one that is not known."""
+_OF_A_PROCESS = ("_lock", "_recent", "_ahead", "_next")
 _ORIENTATIONS = {
     (-1, 0, 0, 1): 2, (-1, 0, 0, -1): 3, (1, 0, 0, -1): 4, (0, 1, 1, 0): 5, (0, 1, -1, 0): 6, (0, -1, -1, 0): 7,
     (0, -1, 1, 0): 8,
@@ -60,7 +71,8 @@ _ORIENTATIONS = {
 class VideoIndex:
     """``times``: the stamps by which frames are found, int64 (n,), ascending; ``keys``: which are key frames.
 
-    ``kept``: how many decoded frames may be kept; ``times_s``: when each was taken, float64 (n,).
+    ``kept``: how many decoded frames may be kept; ``times_s``: when each was taken, float64 (n,); ``pixel_aspect``: how
+    many times as wide as high a pixel is.
     """
 
     times: NDArray[np.int64]
@@ -68,6 +80,7 @@ class VideoIndex:
     kept: int
     times_s: Coordinates
     remarks: Remarks
+    pixel_aspect: float
 
 
 @dataclass
@@ -86,6 +99,9 @@ class _Walk:
     seconds: float | None = None
     unit: float = 1.0
     kept: int = 1
+    pixel_aspect: float = 1.0
+    interlaced: bool = False
+    reordered: bool = False
 
 
 def index_of(path: Source) -> VideoIndex:
@@ -105,6 +121,8 @@ def _index_of(path: Source, size: int, changed_ns: int) -> VideoIndex:  # noqa: 
         walk = _walked(path)
         unedited = _walked(path, edited=False) if _may_be_edited(path, walk) else None
         cut_off = is_cut_off(path)
+        if walk.reordered and container_of(path) == "avi":
+            _check_order(path)
     except EndoctError:
         raise
     except Exception as error:  # a demuxer may say anything of damaged bytes
@@ -126,7 +144,8 @@ def _index_of(path: Source, size: int, changed_ns: int) -> VideoIndex:  # noqa: 
     keys = np.flatnonzero([walk.stamps[time][0] for time in times.tolist()]).astype(np.int64)
     remarks = _on_end(path, walk, unedited, cut_off)
     taken, on_edits = _taken(times, walk, unedited)
-    return VideoIndex(times, keys, walk.kept, taken * walk.unit, remarks + on_edits)
+    remarks += on_edits + (_INTERLACED if walk.interlaced else NONE)
+    return VideoIndex(times, keys, walk.kept, taken * walk.unit, remarks, walk.pixel_aspect)
 
 
 def _may_be_edited(path: Source, walk: _Walk) -> bool:
@@ -158,6 +177,9 @@ def _walked(path: Source, *, edited: bool = True) -> _Walk:
         walk.seconds = container.duration / load_av().time_base if container.duration and alone else None
         walk.unit = float(stream.time_base or 1)
         walk.declared = stream.frames
+        walk.pixel_aspect = float(stream.sample_aspect_ratio or 1)
+        walk.reordered = bool(stream.codec_context.has_b_frames)
+        walk.interlaced = getattr(stream.codec_context, "field_order", 0) > PROGRESSIVE
         size = PIXEL_BYTES * stream.codec_context.width * stream.codec_context.height
         walk.kept = min(max(largest_array_bytes() // max(size, 1), 1), RECENT_FRAMES)
     return walk
@@ -224,13 +246,12 @@ class ReadVideo:
         self._times, self._keys, self._kept = found.times, found.keys, found.kept
         self.times_s = found.times_s
         self._remarks = found.remarks
-        self._orientation = UPRIGHT
+        self._orientation, self._interlaced, self.pixel_aspect = UPRIGHT, False, found.pixel_aspect
         self.n_frames = len(self._times)
         self._close()
 
     def __getstate__(self) -> dict[str, Any]:
-        names = ("path", "_times", "_keys", "_kept", "n_frames", "times_s", "_remarks", "_orientation")
-        return {name: getattr(self, name) for name in names}
+        return {name: value for name, value in vars(self).items() if name not in _OF_A_PROCESS}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -242,6 +263,7 @@ class ReadVideo:
             try:
                 frame = self._frame(index)
                 self._orientation = _orientation(frame)
+                self._interlaced |= frame.interlaced_frame
                 return upright(_samples(frame), self._orientation)
             except EndoctError:
                 self._forget()
@@ -254,8 +276,8 @@ class ReadVideo:
 
     @property
     def remarks(self) -> Remarks:
-        """What is to be said of the file, and of the orientation of the frames once one was read."""
-        return self._remarks + on_orientation(self._orientation)
+        """What is to be said of the file, and of the frames once one was read."""
+        return self._remarks + on_orientation(self._orientation) + (_INTERLACED if self._interlaced else NONE)
 
     def _close(self) -> None:
         self._lock = threading.Lock()
@@ -278,6 +300,7 @@ class ReadVideo:
             self._ahead, self._next = _decoded(self.path, None), 0
             found = self._walk(index)
         if found is None:
+            _check_order(self.path)
             raise self._unreadable(index, "no picture where its index has one")
         return found
 
@@ -314,6 +337,17 @@ def _decoded(path: Source, start: int | None) -> "Iterator[av.VideoFrame]":
         if start is not None:
             container.seek(start, stream=stream)
         yield from container.decode(stream)
+
+
+def _check_order(path: Source) -> None:
+    """Raise :class:`EndoctError` where pictures come in another order than that of their time stamps."""
+    shown = [frame.pts for frame in islice(_decoded(path, None), LOOKED_AT) if frame.pts is not None]
+    if shown != sorted(shown):
+        raise EndoctError(
+            f"the frames of {path} have no times at which they are shown",
+            found="time stamps in the order of decoding, as B-frames have in AVI",
+            remedy="convert it: ffmpeg -i IN -c:v ffv1 OUT.mkv",
+        )
 
 
 def _orientation(frame: "av.VideoFrame") -> int:

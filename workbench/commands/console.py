@@ -45,7 +45,9 @@ def print_result(folder: Path, *, as_json: bool, strict: bool = False) -> int:
     if as_json:
         print_json(result.to_json())
     elif (overlap := result.overlap) is not None and not overlap.is_empty:
-        print_line(f"Jaccard index {result.jaccard:.3f}, Dice {result.dice:.3f} ({' and '.join(result.sides)})")
+        print_line(
+            f"Jaccard index {result.jaccard:.3f}, Dice {result.dice:.3f}{_by_li(result)} ({' and '.join(result.sides)})"
+        )
     elif result.aligned:
         print_line(f"aligned, but there is nothing to score ({' and '.join(result.sides)})")
     else:
@@ -84,6 +86,14 @@ def _against_truth(result: "Result") -> Iterator[str]:
     if result.raters:
         each = [f"{side} {_index(of_side.jaccard)}" for side, of_side in result.raters.majority.sides.items()]
         yield f"Jaccard index against what most raters drew: {', '.join(each)}"
+
+
+def _by_li(result: "Result") -> str:
+    """Return "; by Li's threshold alone 0.701 and 0.824"; "" where there is no such index."""
+    if result.by_li is None:
+        return ""
+    grid = result.by_li.grid
+    return f"; by Li's threshold alone {_index(grid.jaccard)} and {_index(grid.dice)}"
 
 
 def _index(jaccard: float | None) -> str:

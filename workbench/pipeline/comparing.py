@@ -20,7 +20,7 @@ from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import save_panorama
+from endoct.stitching.store import save_notes, save_panorama
 from endoct.workbench.pipeline.hand_masks import (
     Against,
     check_truth,
@@ -101,10 +101,12 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
         comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
+    unpictured: Mapping[str, tuple[str, ...]] = {}
     if folder is not None:
         with stages.stage("write"):
-            folder.write(comparison, against)
-    comparison = replace(comparison, result=_completed(comparison, against, sides, given, stages, start))
+            unpictured = folder.write(comparison, against)
+    notes = {side.name: (*side.panorama.notes, *unpictured.get(side.name, ())) for side in sides}
+    comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -126,9 +128,15 @@ def _given(request: CompareRequest) -> Given:
 
 
 def _completed(
-    comparison: Comparison, against: Against, sides: tuple[Side, Side], given: Given, stages: Stages, start: float
+    comparison: Comparison,
+    against: Against,
+    sides: tuple[Side, Side],
+    given: Given,
+    notes: Mapping[str, tuple[str, ...]],
+    stages: Stages,
+    start: float,
 ) -> Result:
-    """Return the result with what it states of its inputs, and of the seconds since ``start``."""
+    """Return the result with ``notes`` by side, what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
     doubts = (*result.doubts, *doubts_of_drawings(sides, against))
@@ -138,7 +146,7 @@ def _completed(
     return result.completed(
         truth=against.truth,
         raters=against.raters,
-        notes={side.name: side.panorama.notes for side in sides},
+        notes=notes,
         versions=versions(),
         inputs={name: digest for each in (of_a, of_b, *map(digests, given.also)) for name, digest in each.items()},
         parameters={
@@ -180,7 +188,7 @@ class ComparisonFolder:
     path: Path
     sides: tuple[Side, Side]
     scheduler: Scheduler
-    stored: list[Task[None]] = field(default_factory=list)
+    stored: list[Task[tuple[str, ...]]] = field(default_factory=list)
     figures: list[Figures] = field(default_factory=list)
 
     def begin(self, pictured: Sequence[Pictured]) -> None:
@@ -196,15 +204,17 @@ class ComparisonFolder:
         both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
         self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
 
-    def write(self, comparison: Comparison, against: Against) -> None:
-        """Write the comparison, its cells, and the masks it was held ``against``."""
+    def write(self, comparison: Comparison, against: Against) -> Mapping[str, tuple[str, ...]]:
+        """Write the comparison, its cells, and the masks it was held ``against``.
+
+        Return by side notes on frames of which there is no picture.
+        """
         save_comparison(comparison, self.path / "comparison.zarr")
         write_cells(comparison.cells, self.path / "cells.csv")
         if against.consensus is not None:
             write_mask(against.consensus, comparison.grid, self.path / "consensus.png")
         write_drawings(against, comparison.grid, self.path)
-        for task in self.stored:
-            task.result()
+        return {side.name: task.result() for side, task in zip(self.sides, self.stored, strict=True)}
 
     def write_result(self, comparison: Comparison) -> None:
         """Write ``result.json``."""
@@ -219,10 +229,18 @@ class ComparisonFolder:
         write_comparison_report(self.path, findings, self.figures)
 
 
-def store_side(folder: Path, name: str, panorama: Panorama, pictured: Pictured) -> None:
-    """Write the panorama of a side and pictures of its frames into the ``folder`` of a comparison."""
-    save_panorama(panorama, folder / "panoramas" / f"{name}.zarr")
+def store_side(folder: Path, name: str, panorama: Panorama, pictured: Pictured) -> tuple[str, ...]:
+    """Write the panorama of a side and pictures of its frames into the ``folder`` of a comparison.
+
+    Return notes on frames of which there is no picture.
+    """
+    store = folder / "panoramas" / f"{name}.zarr"
+    save_panorama(panorama, store)
+    unpictured: tuple[str, ...] = ()
     if isinstance(pictured, Unrolled):
-        save_sample_frames(pictured, folder, name)
+        unpictured = save_sample_frames(pictured, folder, name)
     elif pictured is not None:
         copy_sample_frames(pictured, folder, name)
+    if unpictured:
+        save_notes(replace(panorama, notes=(*panorama.notes, *unpictured)), store)
+    return unpictured

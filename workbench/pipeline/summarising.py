@@ -51,6 +51,14 @@ SCORES: Mapping[str, Score] = {
     "dice": _of(lambda result: result.overlap, lambda on_grid: (on_grid.dice, on_grid.dice_interval)),
     "jaccard_own_rows": _of_scores(lambda scores: scores.own_rows, lambda rows: (rows.jaccard, rows.jaccard_interval)),
     "dice_own_rows": _of_scores(lambda scores: scores.own_rows, lambda rows: (rows.dice, rows.dice_interval)),
+    "jaccard_by_li": _of_scores(lambda scores: scores.by_li, lambda of: (of.grid.jaccard, of.grid.jaccard_interval)),
+    "dice_by_li": _of_scores(lambda scores: scores.by_li, lambda of: (of.grid.dice, of.grid.dice_interval)),
+    "jaccard_by_li_own_rows": _of_scores(
+        lambda scores: scores.by_li, lambda of: (of.own_rows.jaccard, of.own_rows.jaccard_interval)
+    ),
+    "dice_by_li_own_rows": _of_scores(
+        lambda scores: scores.by_li, lambda of: (of.own_rows.dice, of.own_rows.dice_interval)
+    ),
     "boundary_mean_mm": _of_scores(lambda scores: scores.boundary, lambda of: (of.mean_mm, of.mean_interval_mm)),
     "boundary_p95_mm": _of_scores(lambda scores: scores.boundary, lambda of: (of.p95_mm, None)),
     "boundary_within_share": _of_scores(

@@ -14,7 +14,7 @@ import numpy as np
 
 from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
-from endoct.base.errors import EndoctError, NotSeen
+from endoct.base.errors import EndoctError, NotSeen, refusing
 from endoct.base.files.files import State, check_unchanged, digests, state_of
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
@@ -33,7 +33,7 @@ from endoct.modalities.device import Device
 from endoct.modalities.illustration import illustrated
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed
-from endoct.stitching.store import save_panorama
+from endoct.stitching.store import save_notes, save_panorama
 from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
@@ -193,7 +193,9 @@ def unroll_source(request: UnrollRequest, store: Path | None, stages: Stages, sc
     if request.volume:
         write_volume(unrolled, store, stages)
     with stages.stage("report"):
-        save_sample_frames(unrolled, store, panorama.modality)
+        if unpictured := save_sample_frames(unrolled, store, panorama.modality):
+            panorama = replace(panorama, notes=(*panorama.notes, *unpictured))
+            save_notes(panorama, store)
         side = recording_in(store, panorama)
         of_frames = begin_pictures(side, scheduler)
         from endoct.workbench.page.report import write_recording_report  # loaded while frames are drawn
@@ -214,14 +216,24 @@ def write_volume(unrolled: Unrolled, store: Path, stages: Stages) -> None:
         implementation.write_volume(Watched(recording.stream, advance), unrolled.calibration, store)
 
 
-def save_sample_frames(unrolled: Unrolled, folder: Path, name: str) -> None:
-    """Write pictures of the frames at :data:`PLACES` into ``folder``, as those of the side ``name``."""
+def save_sample_frames(unrolled: Unrolled, folder: Path, name: str) -> tuple[str, ...]:
+    """Write pictures of the frames at :data:`PLACES` into ``folder``, as those of the side ``name``.
+
+    Return a note on each frame of which none could be made: for that no panorama is given up.
+    """
     recording, calibration = unrolled.recording, unrolled.calibration
     order = np.argsort(calibration.per_frame["z_mm"], kind="stable")
+    notes = []
     for place in sorted({round(share * (len(order) - 1)) for share in PLACES}):
-        pictures = illustrated(recording.manifest.load(), recording.stream[int(order[place])], calibration)
-        save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
+        frame = recording.stream[int(order[place])]
+        try:
+            with refusing("it cannot be drawn"):
+                pictures = illustrated(recording.manifest.load(), frame, calibration)
+                save_pictures(folder / PICTURES, name, f"{place:04d}", pictures)
+        except EndoctError as error:
+            notes.append(f"The report shows no picture of {recording.manifest.frame_dim} {frame.index}: {error}.")
     give_back()
+    return tuple(notes)
 
 
 def copy_sample_frames(store: Path, folder: Path, name: str) -> None:

@@ -18,6 +18,8 @@ from endoct.stitching.store import load_panorama
 from endoct.workbench.report.pictures import load_pictures
 from endoct.workbench.report.side_findings import BothSides, SideFindings
 
+BY_LI = "by Li's threshold alone"
+
 
 @dataclass(frozen=True)
 class NamedOverlap:
@@ -93,6 +95,10 @@ def _overlaps(result: Result) -> Iterator[NamedOverlap]:
         yield NamedOverlap(result.sides, "on the common grid", on_grid)
         if own_rows := result.scores.own_rows if result.scores else None:
             yield NamedOverlap(result.sides, f"on the rows of {own_rows.rows_of}, not interpolated", own_rows)
+        if by_li := result.by_li:
+            yield NamedOverlap(result.sides, f"on the common grid, {BY_LI}", by_li.grid)
+            where = f"on the rows of {by_li.own_rows.rows_of}, {BY_LI}"
+            yield NamedOverlap(result.sides, where, by_li.own_rows, is_detail=True)
     for path, sides in (result.truth or {}).items():
         for side, scores in sides.items():
             yield NamedOverlap((side, "given truth"), f"against {Path(path).name}", scores, bool(result.raters))

@@ -52,7 +52,7 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
     """Write ``pictures`` of one frame of ``side`` into ``folder`` as ``<side>-<frame_label>-<name>.npz``.
 
     ``frame_label`` is the frame's place in the order of ascending z, in digits. Raises :class:`EndoctError` where a
-    picture has a name that no file can have.
+    picture has a name that no file can have, or is none that :func:`load_pictures` would read.
     """
     plain_name(side, "a side")
     plain_name(frame_label, "a frame")
@@ -74,12 +74,12 @@ def save_pictures(folder: Path, side: str, frame_label: str, pictures: Sequence[
             "seen": picture.seen is not None,
         }
         arrays: dict[str, Any] = {
-            f"curve_{k}": np.asarray(curve, np.float64) for k, curve in enumerate(picture.curves.values())
+            f"curve_{k}": _curve(np.asarray(curve, np.float64)) for k, curve in enumerate(picture.curves.values())
         }
         if picture.seen is not None:
             # a hundredth of a pixel of any picture
             arrays |= {"seen_z_mm": picture.seen.z_mm, "seen_xy": np.asarray(picture.seen.xy, np.float32)}
-        arrays |= {"image": picture.image, "metadata": np.array(json.dumps(metadata, ensure_ascii=False))}
+        arrays |= {"image": _image(np.asarray(picture.image)), "metadata": np.array(json.dumps(metadata))}
         write_npz(folder / f"{side}-{frame_label}-{picture.name}.npz", arrays)
 
 

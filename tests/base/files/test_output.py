@@ -8,8 +8,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -513,25 +513,31 @@ def test_scratch_of_a_part_that_was_killed_stands_in_nobodys_way(tmp_path: Path)
     assert names(tmp_path) == ["out"]
 
 
-def test_a_folder_that_threads_make_anew_after_an_error_is_removed(tmp_path: Path) -> None:
-    threads: list[threading.Thread] = []
+def test_a_folder_that_threads_make_anew_after_an_error_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a library's threads write after an error is written whenever the removal waits: no thread's luck counts."""
+    made: list[Path] = []
+    now = [0.0]
 
-    def go_on(folder: Path) -> None:
-        for number in range(20):
-            with suppress(FileNotFoundError):  # it was removed just now
-                folder.mkdir(parents=True, exist_ok=True)
-                (folder / str(number)).touch()
-            time.sleep(0.01)
+    def go_on(seconds: float) -> None:
+        now[0] += seconds
+        if len(made) < 20:
+            assert not any(path.exists() for path in made[1:])
+            made.append(made[0] / str(len(made)))
+            made[-1].mkdir(parents=True)
 
     def write_and_fail() -> None:
         with new_output(tmp_path / "out", "export") as scratch:
-            threads.append(threading.Thread(target=go_on, args=(scratch / "c",)))
-            threads[0].start()
+            made.append(scratch)
             raise OSError(errno.ENOSPC, "No space left on device")
 
+    monkeypatch.setattr(threading, "active_count", lambda: 2)
+    clock = SimpleNamespace(monotonic=lambda: now[0], sleep=go_on, time=time.time)
+    monkeypatch.setattr("endoct.base.files.scratch.time", clock)
     with pytest.raises(EndoctError, match="No space"):
         write_and_fail()
-    threads[0].join()
+    assert len(made) == 20
     assert not list(tmp_path.iterdir())
 
 

@@ -70,3 +70,23 @@ def test_repeatability_of_nothing_repeated() -> None:
     assert one is not None
     assert one["icc"] is None
     assert one["within_sd"] == pytest.approx(np.sqrt(0.5))
+
+
+def test_spread_between_specimens_by_hand() -> None:
+    # means 2, 6 and 10 of two each: MSB = 2 · (16 + 0 + 16) / 2 = 32, MSW = 2, so √((32 − 2) / 2) and 30 / 34
+    found = repeatability([[1.0, 3.0], [5.0, 7.0], [9.0, 11.0]])
+    assert found is not None
+    assert (found["specimens"], found["comparisons"]) == (3, 6)
+    assert found["between_sd"] == pytest.approx(np.sqrt(15))
+    assert found["icc"] == pytest.approx(30 / 34)
+    # a specimen of three, one of one: k₀ = 4 − (9 + 1) / 4 = 1.5, MSB = 3 · 1 + 1 · 9 = 12, MSW = 2 / 2 = 1
+    uneven = repeatability([[1.0, 2.0, 3.0], [6.0]])
+    assert uneven is not None
+    assert uneven["between_sd"] == pytest.approx(np.sqrt(11 / 1.5))
+    assert uneven["icc"] == pytest.approx(11 / (12 + 0.5 * 1))
+    same = repeatability([[1.0, 3.0], [3.0, 1.0]])  # differs within specimens alone
+    assert same is not None
+    assert same["between_sd"] == 0
+    nothing = repeatability([[1.0, 1.0], [1.0, 1.0]])
+    assert nothing is not None
+    assert nothing["icc"] is None

@@ -1,8 +1,10 @@
 """What a survey refuses, and how little it keeps of a slice: on disk where slices are many."""
 
 import gc
+import os
 import pickle
 import tracemalloc
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -41,7 +43,11 @@ class Again:
         return Frame(index, page.T, 0.2 * index)
 
 
-def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
+class Enough(Exception):
+    """Ends a survey once all slices have been looked at."""
+
+
+def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch, *, whole: bool = True) -> tuple[int, int]:
     """Bytes that a survey of ``n`` slices holds once all have been looked at, and the most it needs from then on."""
     held = []
 
@@ -49,6 +55,8 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
         gc.collect()  # what earlier tests left for the collector is not this survey's
         held.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.reset_peak()
+        if not whole:
+            raise Enough
         return locate_faces(*arguments)
 
     stream = Again(n)
@@ -56,7 +64,8 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
         patch.setattr(survey, "locate_faces", located)
         tracemalloc.start()
         try:
-            survey.survey_pullback(stream, PARAMETERS)
+            with suppress(Enough):
+                survey.survey_pullback(stream, PARAMETERS)
             peak = tracemalloc.get_traced_memory()[1]
         finally:
             tracemalloc.stop()
@@ -64,14 +73,20 @@ def kept_and_peak(n: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, int]:
 
 
 def test_memory_hardly_grows_with_slices(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slice more costs less than a few thousand bytes; its 96 A-scans alone are 130 kB."""
+    """A slice more costs less than a few thousand bytes; its 96 A-scans alone are 130 kB.
+
+    One thread looks at the slices: how many are under way must not depend on the processors of the machine. What
+    libraries and the interpreter keep at times differs by some 5 kB from survey to survey, however long it is. So what
+    is held, 600 bytes a slice, is measured over 48 slices: then that is 100 bytes a slice.
+    """
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
     monkeypatch.setattr(memory, "MOST_IN_MEMORY", 1)
     monkeypatch.setattr(levels, "POOLED_SLICES", 4)  # beyond so many, the A-scans judged together do not grow
     kept_and_peak(4, monkeypatch)  # what libraries cache at the first call is no slice's
-    few, many = (kept_and_peak(n, monkeypatch) for n in (12, 36))
-    held, most = ((more - less) / 24 for less, more in zip(few, many, strict=True))
-    assert held < 1000
-    assert most < 25_000  # a slice more or less in the hands of a thread when the peak comes is a good 5 000
+    few, many = (kept_and_peak(n, monkeypatch, whole=False)[0] for n in (12, 60))
+    assert many - few < 48 * 1000
+    less, more = (kept_and_peak(n, monkeypatch)[1] for n in (12, 36))
+    assert more - less < 24 * 25_000  # the two threads that go on may hold a slice more when the peak comes: 24 · 5 000
 
 
 def test_a_survey_by_way_of_the_disk_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

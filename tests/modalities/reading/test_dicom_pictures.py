@@ -137,6 +137,43 @@ def test_compressed_pictures_are_what_was_compressed(syntax: str, table: str, tm
         np.testing.assert_array_equal(found, frames)
 
 
+@pytest.mark.parametrize("extended", [True, False])
+@pytest.mark.parametrize(
+    ("chosen", "is_read"),
+    [
+        ((0, 1, 2, 3), True),
+        ((0, 2, 1, 3), False),
+        ((0, 1, 1, 3), False),
+        ((1, 2, 3, 4), False),
+        ((0, 1, 2, None), False),
+    ],
+)
+def test_a_table_of_frames_ascends_from_the_first_fragment(
+    chosen: tuple[int | None, ...], is_read: bool, extended: bool, tmp_path: Path
+) -> None:
+    """Six fragments of four frames: only a table says which are whose. ``None`` leads between two fragments."""
+    coded = [bytes(imagecodecs.jpegls_encode(frame)) for frame in GREY]
+    cut = 2 * (len(coded[0]) // 4)
+    pieces = [coded[0][:cut], coded[0][cut:], coded[1][:cut], coded[1][cut:], coded[2], coded[3]]
+    pieces = [piece + b"\0" * (len(piece) % 2) for piece in pieces]
+    starts = [sum(8 + len(piece) for piece in pieces[:k]) for k in (0, 2, 4, 5, 3)]
+    offsets = [starts[3] + 2 if k is None else starts[k] for k in chosen]
+    table = b"" if extended else np.array(offsets, "<u4").tobytes()
+    items = [b"\xfe\xff\x00\xe0" + len(item).to_bytes(4, "little") + item for item in (table, *pieces)]
+    one = captured(GREY, "MONOCHROME2")
+    if extended:
+        one.ExtendedOffsetTable = np.array(offsets, "<u8").tobytes()
+        one.ExtendedOffsetTableLengths = bytes(8 * len(offsets))
+    one.PixelData = b"".join(items)
+    one["PixelData"].is_undefined_length = True
+    path = write(one, tmp_path / "a.dcm", JPEG_LS)
+    if is_read:
+        np.testing.assert_array_equal(read(path), GREY)
+        return
+    with pytest.raises(EndoctError, match="a table of frames that leads nowhere"):
+        read(path)
+
+
 @pytest.mark.parametrize("syntax", ["1.2.840.10008.1.2.4.201", "1.2.840.10008.1.2.4.92"])
 def test_a_coding_that_is_not_read_is_named(syntax: str, tmp_path: Path) -> None:
     one = captured(GREY, "MONOCHROME2")

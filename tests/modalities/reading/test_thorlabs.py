@@ -382,6 +382,25 @@ def test_names_against_times_are_doubted(tmp_path: Path) -> None:
     assert "stop3.oct follows stop2.oct" in doubt.what
 
 
+@pytest.mark.parametrize("numbered", [True, False])
+def test_stops_of_equal_time_are_in_no_order_by_it(numbered: bool, tmp_path: Path) -> None:
+    """Equal times contradict no order, and give none."""
+    names = [f"stop{k}.oct" for k in (1, 2, 3)] if numbered else ["apical.oct", "deep.oct", "mid.oct"]
+    codes = [] if numbered else ["names-without-numbers"]
+    for k, times in enumerate(([100, 100, 100], [100, 100, 300], [100, 300, 300])):
+        stack = open_stack(stops(tmp_path / f"{k}", names, times))
+        assert order_of(tmp_path / f"{k}") == [0, 1, 2]
+        assert [doubt.code for doubt in stack.remarks.doubts] == codes
+        assert not any("times in their headers" in note for note in stack.remarks.notes)
+    stack = open_stack(stops(tmp_path / "back", names, [300, 300, 100]))
+    assert order_of(tmp_path / "back") == [0, 1, 2]
+    assert [doubt.code for doubt in stack.remarks.doubts] == [*codes, "stops-order"]
+    assert f"{names[2]} follows {names[1]}" in stack.remarks.doubts[-1].what
+    stack = open_stack(stops(tmp_path / "some", names, [300, 0, 100]))  # one of which nobody said when
+    assert order_of(tmp_path / "some") == [0, 1, 2]
+    assert [doubt.code for doubt in stack.remarks.doubts] == codes
+
+
 def test_stops_with_several_bscans_or_of_several_kinds(tmp_path: Path) -> None:
     folder = stops(tmp_path / "a", ["s1.oct", "s2.oct", "s3.oct"], range_mm=(0.64, 10.0, 0.0))
     several = Oct(size=(DEPTH, ASCANS, 3), range_mm=(0.64, 10.0, 0.0)).add("Intensity", LEVELS[:3])

@@ -55,6 +55,26 @@ def test_the_codes_of_doubts_are_a_column(tmp_path: Path) -> None:
     assert [row["doubts"] for row in found] == ["forced wall-odd", ""]
 
 
+def test_the_indices_by_lis_threshold_are_rows_of_their_own(tmp_path: Path) -> None:
+    overlaps = {
+        name: {"jaccard": jaccard, "dice": jaccard + 0.1, "jaccard_interval": [jaccard - 0.1, jaccard + 0.1]}
+        for name, jaccard in (("grid", 0.3), ("own_rows", 0.4))
+    }
+    overlaps["own_rows"] |= {"rows_of": "oct", "dice_interval": [0.45, 0.55]}
+    scores = {"grid": {}, "by_li": {**overlaps, "threshold": {"oct": 0.03}}}
+    tables = summarise([write(tmp_path / "with", 0.5, scores=scores), write(tmp_path / "older", 0.6)])
+    expected = {
+        "jaccard_by_li": (0.3, 0.2, 0.4),
+        "dice_by_li": (0.4, None, None),
+        "jaccard_by_li_own_rows": (0.4, 0.3, 0.5),
+        "dice_by_li_own_rows": (0.5, 0.45, 0.55),
+    }
+    for name, row in expected.items():
+        known, not_known = ([each[key] for key in ("value", "low", "high")] for each in rows(tables, "scores", name))
+        assert known == pytest.approx(row)
+        assert not_known == [None, None, None]
+
+
 def rows(tables: dict[str, list[dict[str, Any]]], name: str, score: str) -> list[dict[str, Any]]:
     return [row for row in tables[name] if row["score"] == score]
 

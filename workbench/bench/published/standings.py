@@ -112,7 +112,9 @@ class TaskBoard:
         given = [(one, self.rows(one, generator, difficulty)) for one in self.entrants]
         made = [_standing(one, rows, self.scored.score) for one, rows in given if rows]
         sign = -1 if self.scored.better == "higher" else 1
-        return sorted(made, key=lambda one: (-one.success.k / one.success.n, sign * np.nan_to_num(one.median, nan=0)))
+        return sorted(
+            made, key=lambda one: (-one.success.k / one.success.n, np.nan_to_num(sign * one.median, nan=np.inf))
+        )
 
     def difficulties(self, generator: Generator) -> tuple[Difficulty, ...]:
         """Return the difficulties that the specimens of a generator have, easy first."""

@@ -29,7 +29,7 @@ from endoct.workbench.bench.runner import Plan, Row
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask, load_task
 from endoct.workbench.running.outputs import json_text
 
-MOST_COLUMNS = 4
+MOST_COLUMNS = 5
 """Scores in the table of results; the CSV has all."""
 MOST_DIFFERENCES = 3
 """Scores in the table of differences."""

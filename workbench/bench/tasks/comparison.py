@@ -31,6 +31,7 @@ SCORES: Mapping[str, str] = {
     "pair_native": "Jaccard index, endoscope against OCT, on the OCT's rows",
     "oct_truth": "Jaccard index, OCT against the truth",
     "endo_truth": "Jaccard index, endoscope against the truth",
+    "pair_li": "Jaccard index, endoscope against OCT, cells of both by Li's threshold alone, on the OCT's rows",
     "landmark_mm": "error of where wall points are mapped to, 95th percentile, mm",
     "oct_valid": "share of the OCT's samples that are valid",
 }
@@ -104,6 +105,8 @@ def judge(case: Case[Given, Path], answer: ComparedPair) -> dict[str, float]:
         scores.pop("aligned")
     else:
         scores, right = _against_drawn(folder, answer), 1.0
+    if (of_li := answer.comparison.result.by_li) is not None and of_li.own_rows.jaccard is not None:
+        scores["pair_li"] = of_li.own_rows.jaccard
     if answer.comparison.alignment is None:
         raise Declined(answer.comparison.reason or "not aligned", {SUCCESS: 0.0} | scores)
     return {SUCCESS: right, DOUBTED: float(bool(answer.comparison.doubts))} | scores

@@ -1,5 +1,6 @@
 """Standings: counted over all cases, and honest about where endoct is beaten."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,3 +83,58 @@ def test_data_of_another_processor_are_said(tmp_path: Path) -> None:
         (tmp_path / f"{number}.json").write_text(text, encoding="utf-8")
     (board,) = read_boards(tmp_path)
     assert not board.has_equal_data
+
+
+@pytest.mark.parametrize("better", ["higher", "lower"])
+def test_the_best_score_comes_first_and_none_last(tmp_path: Path, better: str) -> None:
+    values = {"nothing": None, "small": 0.2, "endoct": 0.5, "large": 0.8}
+    rows = [scored(name, method, value) for method, value in values.items() for name in NAMES]
+    board = board_of(tmp_path, rows)
+    board = replace(board, scored=board.scored.model_copy(update={"better": better}))
+    order = [one.entrant.name for one in board.standings("simulator")]
+    first, last = ("large", "small") if better == "higher" else ("small", "large")
+    assert order == [first, "endoct", last, "nothing"]
+    (loss,) = board.losses()
+    assert (loss.method, loss.better, loss.worse, loss.even) == (first, 8, 0, 0)
+
+
+def test_success_counts_before_the_score(tmp_path: Path) -> None:
+    often = [scored(name, "often", 0.6, success=k < 2) for k, name in enumerate(NAMES)]
+    well = [scored(name, "well", 0.9, success=k < 1) for k, name in enumerate(NAMES)]
+    board = board_of(tmp_path, [*well, *often])
+    assert [one.entrant.name for one in board.standings("simulator")] == ["often", "well"]
+
+
+@pytest.mark.parametrize(
+    ("theirs", "counted"),
+    [((None, False), (0, 1, 0)), ((0.1, False), (0, 1, 0)), ((0.7, True), (0, 0, 1)), ((0.8, True), (1, 0, 0))],
+)
+def test_a_refusal_against_a_success(
+    tmp_path: Path, theirs: tuple[float | None, bool], counted: tuple[int, int, int]
+) -> None:
+    """Ours answered one case with 0.7 and success; of a case that only one of two answered, success decides."""
+    for ours_first in (True, False):
+        rows = [scored("s0", "other", theirs[0], success=theirs[1]), scored("s0", "endoct", 0.7, success=True)]
+        board = board_of(tmp_path, rows[::-1] if ours_first else rows)
+        ours, other = sorted(board.entrants, key=lambda one: one.name != "endoct")
+        loss = board._loss("simulator", ours, other)
+        assert (loss.better, loss.worse, loss.even) == counted
+        turned = board._loss("simulator", other, ours)
+        assert (turned.better, turned.worse, turned.even) == (counted[1], counted[0], counted[2])
+
+
+def test_two_refusals_are_even_and_a_failure_in_vain_is_no_worse_than_one(tmp_path: Path) -> None:
+    rows = [scored("s0", "endoct", None), scored("s0", "other", None), scored("s1", "endoct", None)]
+    rows.append(scored("s1", "other", 0.3, success=False))
+    ours, other = (board := board_of(tmp_path, rows)).entrants
+    loss = board._loss("simulator", ours, other)
+    assert (loss.better, loss.worse, loss.even) == (0, 0, 2)
+    assert np.isnan([loss.theirs, loss.ours]).all()
+
+
+def test_a_status_that_is_not_ok_has_no_score(tmp_path: Path) -> None:
+    rows = [scored("s0", "endoct", 0.4, seconds=1.0), scored("s1", "endoct", 0.6, seconds=5.0)]
+    failed = scored("s2", "endoct", 0.9, success=True, seconds=3.0).model_copy(update={"status": "failed"})
+    (standing,) = board_of(tmp_path, [*rows, failed]).standings("simulator")
+    assert (standing.ok, standing.failed, standing.declined, standing.cases) == (2, 1, 0, 3)
+    assert (standing.median, standing.mean, standing.seconds) == (0.5, 0.5, 3.0)

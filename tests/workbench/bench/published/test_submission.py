@@ -9,6 +9,7 @@ from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.submission import (
+    Checked,
     Rerun,
     Scored,
     Submission,
@@ -179,3 +180,41 @@ def test_the_last_bits_are_told_from_another_result(factor: float, verdict: str)
     assert Rerun(before, after).verdict == verdict
     declined = before.model_copy(update={"status": "declined", "scores": {}})
     assert Rerun(before, declined).verdict == "different"
+
+
+def rerun(stated: dict[str, float], again: dict[str, float]) -> Rerun:
+    one = scored("a", "mine", None)
+    return Rerun(*(one.model_copy(update={"status": "ok", "scores": scores}) for scores in (stated, again)))
+
+
+@pytest.mark.parametrize("name", ["jaccard", "precision"])
+def test_one_forged_score_among_near_ones_is_found(name: str) -> None:
+    """The worst of all scores counts, wherever it stands; a score that is equal says nothing of the others."""
+    true = {"jaccard": 0.7, "recall": 0.5, "precision": 0.9}
+    near = {score: value * (1 + 1e-9) for score, value in true.items()}
+    assert rerun(true, near).verdict == "near"
+    assert rerun(true, true | {name: true[name] + 0.05}).verdict == "different"
+    assert rerun(true, near | {name: true[name] + 0.05}).verdict == "different"
+    assert rerun(true, true | {name: true[name] * (1 - 1e-9)}).verdict == "near"
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1 + 0.9e-6, "near"), (1 + 1.1e-6, "different")])
+def test_what_is_near_is_relative(factor: float, verdict: str) -> None:
+    for value in (1e-4, 1.0, -300.0):
+        assert rerun({"error_mm": value}, {"error_mm": factor * value}).verdict == verdict
+        assert rerun({"error_mm": factor * value}, {"error_mm": value}).verdict == verdict
+    assert rerun({"error_mm": 0.0}, {"error_mm": 1e-9}).worst == 1  # of nothing, everything is all
+
+
+def test_scores_left_out_or_added_are_another_result() -> None:
+    assert rerun({"jaccard": 0.7, "recall": 0.5}, {"jaccard": 0.7}).verdict == "different"
+    assert rerun({"jaccard": 0.7}, {"jaccard": 0.7, "recall": 0.5}).verdict == "different"
+
+
+def test_rows_are_counted_by_verdict() -> None:
+    rows = [rerun({"jaccard": 0.7}, {"jaccard": value}) for value in (0.7, 0.7 + 1e-9, 0.7, 0.1)]
+    stated = submission([row.stated for row in rows], [entry("a")])
+    checked = Checked(stated, tuple(rows), stated.data_digest)
+    assert [checked.count(verdict) for verdict in ("equal", "near", "different")] == [2, 1, 1]
+    assert checked.is_of_equal_data
+    assert not Checked(stated, tuple(rows), "0" * 64).is_of_equal_data

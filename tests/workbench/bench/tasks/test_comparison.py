@@ -24,11 +24,14 @@ def test_panoramas_are_unrolled_once_for_the_same_settings(monkeypatch: pytest.M
 
 def test_doubts_of_a_comparison_are_scored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(comparison, "_against_drawn", lambda folder, answer: {"oct_truth": 0.4})
-    for doubts, doubted in (((), 0.0), ((Doubt("cells-in-noise", "What was taken for cells may be noise."),), 1.0)):
-        made = SimpleNamespace(alignment="there", doubts=doubts)
+    doubt = Doubt("cells-in-noise", "What was taken for cells may be noise.")
+    for doubts, doubted, of_li in (((), 0.0, None), ((doubt,), 1.0, 0.3)):
+        by_li = SimpleNamespace(own_rows=SimpleNamespace(jaccard=of_li))
+        made = SimpleNamespace(alignment="there", doubts=doubts, result=SimpleNamespace(by_li=by_li))
         answer: Any = SimpleNamespace(comparison=made)
         scores = comparison.judge(Case("one", (), tmp_path, {}), answer)
-        assert scores == {"success": 1.0, "doubted": doubted, "oct_truth": 0.4}
+        known = {} if of_li is None else {"pair_li": of_li}
+        assert scores == {"success": 1.0, "doubted": doubted, "oct_truth": 0.4, **known}
 
 
 def test_folders_without_a_pair_are_told(tmp_path: Path) -> None:
