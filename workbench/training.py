@@ -1,16 +1,15 @@
-"""Train a learned eye: make examples, fit the network, write its weights and a card that says on what.
+"""Train a learned eye from nothing: make examples, fit the network, write its weights and a card that says on what.
 
 Examples are bores of the simulator, recorded by its endoscope and unrolled like any recording. They are varied far
 beyond the simulator: other light, other bone, other mirrors, depth that is worse or missing. A network that was trained
 on one world believes in it. So brightness and depth are each spoilt in their own way, and now and then one of the two
-must do. Cells are made larger and smaller, floors as bright as the wall, and rims away from a lamp are lit.
+must do.
 
 The loss is cross-entropy, which makes the network's answers probabilities, and overlap.
 """
 
 import json
 from collections.abc import Iterator
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,8 +24,8 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.fusion.evidence.evidence import on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.learned.looking import PIECE_ROWS, eye_of, inputs_of
-from endoct.fusion.segmentation.learned.network import HALVED, Eye, save_eye
+from endoct.fusion.segmentation.learned.looking import inputs_of
+from endoct.fusion.segmentation.learned.network import Eye, save_eye
 from endoct.modalities.device import Device, check_device
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.bone.wall import build_wall
@@ -44,16 +43,10 @@ from endoct.workbench.running.progress import SilentStages, Stages
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")
 """Bores are drawn from these in turn."""
 FIRST_SEED = 7000
-ZOOM = (-0.6, 0.3)
-"""Cells are as large as they are, times e to the power of this."""
-STRETCH = 0.2
-LAMP_REACH = (3, 25)
-"""A lamp at one side lights a rim over so many samples."""
+ROWS = 192
 DARKEST, BRIGHTEST = 1.5, -0.75
 NEAREST, DEEPEST = -1 / 3, 1.0
 RATE, DECAY, LEAST_RATE = 2e-3, 1e-3, 2e-6
-REFINING = 0.3
-"""Where training goes on from an eye, the rate is this share of that from nothing."""
 WARM_UP = 100
 OVERLAP = 0.3
 """The overlap (Dice) has this weight, the cross-entropy 1."""
@@ -75,18 +68,9 @@ class Example:
 
 
 def train(
-    output: Path,
-    *,
-    n_bores: int,
-    steps: int,
-    batch: int,
-    seed: int,
-    device: Device,
-    start: Path | None,
-    overwrite: bool,
-    stages: Stages,
+    output: Path, *, n_bores: int, steps: int, batch: int, seed: int, device: Device, overwrite: bool, stages: Stages
 ) -> dict[str, object]:
-    """Train an eye for the endoscope into the folder ``output``, from nothing or from ``start``; return its card.
+    """Train an eye for the endoscope into the folder ``output``; return its card.
 
     On the CPU the same arguments give the same weights on one kind of machine. Raises :class:`EndoctError` where the
     output or the device cannot be used.
@@ -95,17 +79,15 @@ def train(
         if number < 1:
             raise EndoctError(f"an eye cannot be trained by {number} {name}", expected="at least 1")
     check_device(device)
-    before, card_before = (None, None) if start is None else eye_of(start)
     chosen = bores(n_bores)
     with new_output(output, KIND, overwrite=overwrite) as folder:
         folder.mkdir(exist_ok=True)
         with stages.stage("examples") as advance:
             examples = list(examples_of(chosen, advance))
         with stages.stage("fit") as advance:
-            eye = fitted(examples, steps, batch, seed, device, advance, before)
+            eye = fitted(examples, steps, batch, seed, device, advance)
         card: dict[str, object] = {
             "modality": MODALITY,
-            "started_from": card_before,
             "trained_on": [f"{preset} {of}" for preset, of in chosen],
             "steps": steps,
             "batch": batch,
@@ -118,31 +100,22 @@ def train(
     return card
 
 
-def fitted(
-    examples: list[Example],
-    steps: int,
-    batch: int,
-    seed: int,
-    device: str,
-    advance: Advance,
-    start: Eye | None = None,
-) -> Eye:
-    """Return a network after ``steps`` steps over ``batch`` pieces each, from ``start`` or from nothing.
+def fitted(examples: list[Example], steps: int, batch: int, seed: int, device: str, advance: Advance) -> Eye:
+    """Return a network after ``steps`` steps over ``batch`` pieces each.
 
     On the CPU the same ``seed`` gives the same weights; a GPU adds up in another order.
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     there = [Example(one.channels.to(device), one.cell.to(device)) for one in examples]
-    eye = (Eye() if start is None else deepcopy(start)).train().to(device)
-    rate = RATE if start is None else REFINING * RATE
-    optimiser = torch.optim.AdamW(eye.parameters(), rate, weight_decay=DECAY)
+    eye = Eye().to(device)
+    optimiser = torch.optim.AdamW(eye.parameters(), RATE, weight_decay=DECAY)
     for step in range(steps):
         for group in optimiser.param_groups:
             cooling = 0.5 * (1 + np.cos(np.pi * step / steps))
-            group["lr"] = LEAST_RATE + rate * cooling * min(1.0, (step + 1) / WARM_UP)
+            group["lr"] = LEAST_RATE + RATE * cooling * min(1.0, (step + 1) / WARM_UP)
         channels, cell = varied(there, batch, rng)
-        with torch.autocast(device.partition(":")[0], torch.bfloat16):
+        with torch.autocast("cuda", torch.bfloat16, enabled=device.startswith("cuda")):
             logits = eye(channels)
         optimiser.zero_grad()
         loss = loss_of(logits.float(), cell, channels[:, 3])
@@ -201,14 +174,13 @@ def example_of(panorama: Panorama, cell: np.ndarray) -> Example:
 
 
 def varied(examples: list[Example], batch: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """Return ``batch`` pieces of ``examples``, drawn and varied: (batch, 4, ``PIECE_ROWS``, n_theta), and their cells.
+    """Return ``batch`` pieces of ``examples``, drawn and varied: (batch, 4, ``ROWS``, n_theta), and their cells.
 
-    All are interpolated to one number of columns, that of the first example or, where cells are to look larger or
-    smaller, more or fewer. Draws of ``rng`` decide everything but noise, which is torch's.
+    All are interpolated to as many columns as the first has. Draws of ``rng`` decide everything but noise, which is
+    torch's.
     """
-    zoom = float(np.exp(rng.uniform(*ZOOM)))
-    n_theta = HALVED * max(1, round(zoom * examples[0].cell.shape[1] / HALVED))
-    pieces = [_piece(examples[int(rng.integers(len(examples)))], n_theta, zoom, rng) for _ in range(batch)]
+    n_theta = examples[0].cell.shape[1]
+    pieces = [_piece(examples[int(rng.integers(len(examples)))], n_theta, rng) for _ in range(batch)]
     channels, cell = torch.stack([one for one, _ in pieces]), torch.stack([two for _, two in pieces])
     observed = (channels[:, 3] > 0.5).float()
     darkness = _other_light(channels[:, 0], cell, rng)
@@ -217,28 +189,17 @@ def varied(examples: list[Example], batch: int, rng: np.random.Generator) -> tup
     return seen, cell
 
 
-def _piece(example: Example, n_theta: int, zoom: float, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """Return some rows, ``zoom`` times as large, turned, perhaps mirrored or upside down, and stretched along z."""
+def _piece(example: Example, n_theta: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Return some rows, turned, perhaps mirrored or upside down, and stretched along z."""
     both = torch.cat([example.channels, example.cell[None]])
-    rows = round(PIECE_ROWS / zoom * float(np.exp(rng.uniform(-STRETCH, STRETCH))))
+    rows = round(ROWS * float(np.exp(rng.uniform(-0.3, 0.3))))
     if both.shape[1] < rows:
         both = pad(both, (0, 0, 0, rows - both.shape[1]), mode="replicate")
     first = int(rng.integers(both.shape[1] - rows + 1))
     both = torch.roll(both[:, first : first + rows], int(rng.integers(both.shape[2])), 2)
     flipped = [axis for axis in (1, 2) if rng.random() < 0.5]
-    size = (PIECE_ROWS, n_theta)
-    both = interpolate(both.flip(flipped)[None], size, mode="bilinear", align_corners=False, antialias=True)[0]
+    both = interpolate(both.flip(flipped)[None], (ROWS, n_theta), mode="bilinear", align_corners=False)[0]
     return both[:4], both[4]
-
-
-def _lit_rims(cell: Tensor, rng: np.random.Generator) -> Tensor:
-    """Return where cells, (batch, n_z, n_theta), are lit by a lamp: along the rims that face it."""
-    turn_rad, reach = float(rng.uniform(0, 2 * np.pi)), float(rng.uniform(*LAMP_REACH))
-    along, around = round(reach * np.sin(turn_rad)), round(reach * np.cos(turn_rad))
-    moved = torch.roll(cell, around, 2)
-    room = abs(along)
-    padded = pad(moved[:, None], (0, 0, room, room), mode="replicate")[:, 0]
-    return cell * (1 - padded[:, room - along : room - along + cell.shape[1]])
 
 
 def _other_light(darkness: Tensor, cell: Tensor, rng: np.random.Generator) -> Tensor:
@@ -252,17 +213,14 @@ def _other_light(darkness: Tensor, cell: Tensor, rng: np.random.Generator) -> Te
 
     darkness = darkness * torch.exp(some(-0.7, 0.5))
     darkness = torch.where((cell > 0.5) & (often(0.5) > 0), darkness * torch.exp(some(-1.2, 0.2)), darkness)
-    darkness = torch.where((cell > 0.5) & (often(0.15) > 0), darkness * some(0, 0.3), darkness)
-    darkness = darkness * (1 - often(0.35) * some(0.5, 1) * _lit_rims(cell, rng))
-    smooth = often(0.4) * cell  # bone without marks of the drill
     for size in (2, 4, 8, 20, 60):
-        darkness = darkness + _clouds(darkness, size) * some(0, 0.06) * often(0.6) * (1 - smooth)
+        darkness = darkness + _clouds(darkness, size) * some(0, 0.06) * often(0.6)
     along, around = torch.randn_like(darkness[:, :, :1]), torch.randn_like(darkness[:, :1, :])
     darkness = darkness + along * some(0, 0.03) * often(0.3) + around * some(0, 0.02) * often(0.3)
     stains = relu(_clouds(darkness, float(rng.uniform(8, 40))) - 1.6)
     darkness = darkness + stains * some(0, 0.5) * often(0.4) * (1 - cell)
     if rng.random() < 0.5:
-        darkness = _blurred(darkness, float(rng.uniform(0.4, 2.5)))
+        darkness = _blurred(darkness, float(rng.uniform(0.4, 1.6)))
     noisy = darkness + torch.randn_like(darkness) * some(0, 0.06)
     return noisy.clamp(BRIGHTEST, DARKEST)
 
@@ -278,7 +236,7 @@ def _other_depth(relief: Tensor, trust: Tensor, rng: np.random.Generator) -> tup
 
     pulled = torch.where(often(0.35) > 0, some(0, 1), torch.ones_like(relief))
     relief = torch.where(relief > 0, relief * pulled, relief) * torch.exp(some(-0.3, 0.25))
-    noise = some(0, 0.08) * often(0.5) + some(0, 0.3) * often(0.1)
+    noise = some(0, 0.08) * often(0.5)
     relief = relief + noise * (_clouds(relief, 4) + _clouds(relief, 12))
     trust = trust / (1 + 6 * noise)
     gaps = (_clouds(relief, float(rng.uniform(4, 30))) > some(0.3, 3)).float()

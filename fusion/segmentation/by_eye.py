@@ -10,11 +10,12 @@ import numpy as np
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.learned.looking import COARSEST_MM, Inputs, grain, inputs_of, look, weights_for
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOK_MM, Inputs, grain, inputs_of, look, weights_for
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
-from endoct.fusion.segmentation.regions import clean
+from endoct.fusion.segmentation.regions import clean, within
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
 LEAST_PROBABILITY = 0.4
@@ -31,11 +32,14 @@ cells."""
 TOO_GRAINY = "; the wall is too grainy for the learned eye"
 NOT_SURE = "; the learned eye is not sure of this wall"
 UNSURE = "cells-unsure"
+EDGE_MM = 0.05
+"""What depth added or dropped lies farther than this from what brightness alone shows; edges of a coarse look are less
+exact."""
 
 
 def inputs_for(side: Side, parameters: SegmentParameters) -> Inputs:
     """Return what an eye looks at to find the cells of ``side``, which are dark."""
-    return inputs_of(side.contrast("dark"), _relief(side, parameters))
+    return inputs_of(side.contrast("dark"), _relief(side, parameters), LOOK_MM)
 
 
 def is_familiar(inputs: Inputs) -> bool:
@@ -83,14 +87,18 @@ def cells_by_eye(
 
     mask = cells_of(probability.of_cell)
     by_depth = None
-    if relief is not None and probability.with_depth is not None and probability.without_depth is not None:
-        decided, without = cells_of(probability.with_depth), cells_of(probability.without_depth)
-        n = max(int(np.count_nonzero(valid)), 1)
-        shares = (relief.known & valid, decided & ~without, without & ~decided)
+    if relief is not None and probability.without_depth is not None:
+        without, n = cells_of(probability.without_depth), max(int(np.count_nonzero(valid)), 1)
+        shares = (relief.known & valid, _beyond(mask, without, darkness), _beyond(without, mask, darkness))
         by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
     of = f"probability of a cell, by the learned eye for {side.panorama.modality} panoramas"
     doubts = tuple(_doubts(probability.of_cell, mask, valid))
     return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts)
+
+
+def _beyond(mask: Mask, other: Mask, darkness: Evidence) -> Mask:
+    """Return what of ``mask`` lies farther than an edge may move from all of ``other``."""
+    return mask & ~within(other, EDGE_MM / darkness.dz_mm, EDGE_MM / darkness.column_mm)
 
 
 def _relief(side: Side, parameters: SegmentParameters) -> ParallaxRelief | None:

@@ -9,7 +9,7 @@ import torch
 from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.learned.network import Eye, load_eye
 from endoct.workbench.running.progress import SilentStages
-from endoct.workbench.training import PIECE_ROWS, WEIGHTS, Example, fitted, loss_of, train, varied
+from endoct.workbench.training import ROWS, WEIGHTS, Example, fitted, loss_of, train, varied
 
 
 def example(seed: int) -> Example:
@@ -29,9 +29,8 @@ def test_varied_examples_are_drawn_by_their_seed_and_keep_bounds() -> None:
     for one, other in zip(*drawn, strict=True):
         torch.testing.assert_close(one, other, atol=0, rtol=0)
     channels, cell = drawn[0]
-    assert channels.shape[:3] == (6, 4, PIECE_ROWS)
-    assert 32 <= channels.shape[3] <= 88
-    assert cell.shape == channels[:, 0].shape
+    assert channels.shape == (6, 4, ROWS, 64)
+    assert cell.shape == (6, ROWS, 64)
     assert channels.isfinite().all()
     assert float(channels[:, 0].max()) <= 1.5
     assert ((channels[:, 2] > 0) | (channels[:, 1] == 0)).all()
@@ -63,15 +62,7 @@ def test_a_fit_learns_and_the_same_seed_gives_the_same_weights() -> None:
 def test_nothing_is_trained_of_nothing(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="0 bores"):
         train(
-            tmp_path / "eye",
-            n_bores=0,
-            steps=1,
-            batch=1,
-            seed=0,
-            device="cpu",
-            start=None,
-            overwrite=False,
-            stages=SilentStages(),
+            tmp_path / "eye", n_bores=0, steps=1, batch=1, seed=0, device="cpu", overwrite=False, stages=SilentStages()
         )
     assert not (tmp_path / "eye").exists()
 
@@ -79,15 +70,7 @@ def test_nothing_is_trained_of_nothing(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_eye_is_trained_from_nothing(tmp_path: Path) -> None:
     card = train(
-        tmp_path / "eye",
-        n_bores=1,
-        steps=2,
-        batch=1,
-        seed=0,
-        device="cpu",
-        start=None,
-        overwrite=False,
-        stages=SilentStages(),
+        tmp_path / "eye", n_bores=1, steps=2, batch=1, seed=0, device="cpu", overwrite=False, stages=SilentStages()
     )
     assert card["trained_on"] == ["learning 7000"]
     assert load_eye(tmp_path / "eye" / WEIGHTS)[1]["steps"] == 2

@@ -94,7 +94,6 @@ def train(
     batch: int = 12,
     seed: int = 1,
     device: Device = "cpu",
-    start: Annotated[Path | None, UNSET] = None,
     overwrite: bool = False,
 ) -> int:
     """Train a learned eye for the endoscope on simulated bores (see docs/how-to/train.md).
@@ -106,7 +105,6 @@ def train(
         batch: pieces of bores a step
         seed: seed of the weights and of how examples are varied
         device: where to fit; bores are always simulated on the CPU
-        start: weights to go on from, at a lower rate; without, training begins from nothing
         overwrite: replace the output if it exists
     """
     from endoct.workbench.training import WEIGHTS
@@ -119,7 +117,6 @@ def train(
         batch=batch,
         seed=seed,
         device=device,
-        start=start,
         overwrite=overwrite,
         stages=command_stages(False),
     )

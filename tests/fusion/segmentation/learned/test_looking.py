@@ -15,8 +15,15 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
-from endoct.fusion.segmentation.learned.looking import STEP_MM as LOOK_MM
-from endoct.fusion.segmentation.learned.looking import Probability, inputs_of, look, on_own_samples, weights_for
+from endoct.fusion.segmentation.learned.looking import (
+    LOOK_MM,
+    TRAINED_MM,
+    Probability,
+    inputs_of,
+    look,
+    on_own_samples,
+    weights_for,
+)
 from endoct.fusion.segmentation.learned.network import HALVED, Eye, load_eye, save_eye
 
 N_Z, N_THETA, STEP_MM = 130, 400, 0.02
@@ -50,7 +57,7 @@ def weights() -> Path:
 
 
 def seen_by(weights: Path, evidence: Evidence, depth: ParallaxRelief | None) -> Probability:
-    return look(weights, evidence, depth, inputs_of(evidence, depth))
+    return look(weights, evidence, depth, inputs_of(evidence, depth, LOOK_MM))
 
 
 def jaccard(one: Mask, other: Mask) -> float:
@@ -67,15 +74,12 @@ def test_dark_and_deep_cells_are_seen_across_the_seam_and_plain_wall_is_none(wei
 def test_depth_shows_floors_as_bright_as_the_wall(weights: Path) -> None:
     seen = seen_by(weights, darkness(0 * CELLS), relief(0.25 * CELLS))
     assert jaccard(seen.of_cell > 0.5, CELLS) > 0.6
-    assert seen.with_depth is not None
     assert seen.without_depth is not None
-    assert jaccard(seen.with_depth > 0.5, CELLS) > 0.6
     assert not (seen.without_depth > 0.5).any()
 
 
 def test_without_depth_nothing_is_said_of_what_it_decides(weights: Path) -> None:
     seen = seen_by(weights, darkness(0.6 * CELLS), None)
-    assert seen.with_depth is None
     assert seen.without_depth is None
 
 
@@ -108,7 +112,7 @@ def test_inputs_tell_what_is_known_and_lead_back() -> None:
     assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
     assert (back[2][disc(90, 200, 0.2)] == 0).all()
     assert (back[3][disc(60, 300, 0.1)] == 0).all()
-    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(LOOK_MM)
+    assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(TRAINED_MM)
 
 
 def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
@@ -180,9 +184,9 @@ def test_pieces_are_equally_long(n_z: int, expected: list[tuple[int, int]]) -> N
     assert [(piece.start, piece.stop) for piece in looking._pieces(n_z)] == expected
 
 
-@pytest.mark.parametrize("n_z", [224, 225, 1981])
+@pytest.mark.parametrize("n_z", [240, 241, 1981])
 def test_pieces_cover_a_bore_and_overlap(n_z: int) -> None:
     pieces = looking._pieces(n_z)
     assert (pieces[0].start, pieces[-1].stop) == (0, n_z)
     assert all(one.stop - other.start >= looking.OVERLAP_ROWS for one, other in pairwise(pieces))
-    assert len(pieces) == -(-(n_z - 32) // 96)
+    assert len(pieces) == -(-(n_z - 16) // 112)
