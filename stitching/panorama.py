@@ -238,9 +238,13 @@ class Panorama:
 
 
 def doubts_of_observed(panorama: Panorama) -> tuple[Doubt, ...]:
-    """Return the doubt that a panorama shows too little wall; nothing where it shows enough, or says so already."""
-    code, share = "little-observed", float(panorama.valid.mean())
-    if share >= LEAST_VALID_SHARE or any(doubt.code == code for doubt in panorama.doubts):
-        return ()
-    what = f"Only {share:.1%} of the panorama is observed wall."
-    return (Doubt(code, what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0)),)
+    """Return the doubts that a panorama shows too little wall, or one row of it, unless it says so already."""
+    share, doubts = float(panorama.valid.mean()), []
+    if share < LEAST_VALID_SHARE:
+        what = f"Only {share:.1%} of the panorama is observed wall."
+        doubts.append(Doubt("little-observed", what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0)))
+    if panorama.grid.n_z == 1:
+        what = "The panorama has one row alone: nothing shows how cells go on along the bore, nor where it lies there."
+        doubts.append(Doubt("one-row", what, value=1.0, unit="1", expected=2.0))
+    said = {doubt.code for doubt in panorama.doubts}
+    return tuple(doubt for doubt in doubts if doubt.code not in said)

@@ -31,6 +31,8 @@ from endoct.workbench.running.outputs import DATA_SET, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
 
 _A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")
+_OF_A_KILLED_SAVE = re.compile(rf"({MASKS}/[^/]+/)?\.endoct[-.][^/]+/.+")
+"""Scratch of a mask or a session whose maker died; the next save there clears it."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
 
 def _without_own(folder: Path, found: Differences) -> Differences:
     """Return differences without what the page saves in a comparison, its session and masks: these are the user's."""
-    own = {name for name in found.added if _A_MASK.fullmatch(name)}
+    own = {name for name in found.added if _A_MASK.fullmatch(name) or _OF_A_KILLED_SAVE.fullmatch(name)}
     if SESSION_NAME in found.added:
         try:
             read_session(folder / SESSION_NAME)

@@ -4,10 +4,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar, cast
 
-from numba import njit
-from numba.core.caching import FunctionCache
-
 from endoct.base.compute.own_process import count_compiled
+from endoct.base.errors import refusing
+
+with refusing("numba cannot be loaded", remedy="see what NUMBA_… says in the environment"):
+    from numba import njit
+    from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

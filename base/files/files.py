@@ -59,6 +59,14 @@ def inside(folder: Path, relative: object, subject: str) -> Path:
     return folder.joinpath(*parts)
 
 
+def leads_below(folder: Path, path: Path) -> bool:
+    """Say whether ``path`` is or lies below ``folder``, links followed; not where no file can have such a name."""
+    try:
+        return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+    except ValueError:  # a name with a zero in it, or half a character
+        return False
+
+
 def is_left_by_system(name: str) -> bool:
     """Say whether file managers leave a file of that name in every folder they show: nobody's work."""
     return name in (".DS_Store", "Thumbs.db", "desktop.ini") or name.startswith("._")

@@ -150,8 +150,10 @@ class HeldError(Exception):
 
 
 @contextmanager
-def held(path: Path) -> Iterator[None]:
+def held(path: Path) -> Iterator[int]:
     """Hold the lock ``path``; the operating system lets go of it with the process, however that ends.
+
+    Yields the open file: a program that holds it too keeps the lock until it ends.
 
     Raises :class:`HeldError` where another process holds it. Raises :class:`EndoctError` where something else lies
     there, a link or a file with another text, which is left as it is.
@@ -173,7 +175,7 @@ def held(path: Path) -> Iterator[None]:
         file.truncate(0)
         file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
         file.flush()
-        yield
+        yield file.fileno()
 
 
 if sys.platform == "win32":

@@ -285,7 +285,8 @@ def _saturated(frame: Frame) -> bool:
 def share_brightening(bscan: Image) -> float:
     """Return in which share of its sectors a B-scan (A-scan, depth) brightens with depth faster than it darkens.
 
-    Thin lines, which do both, are left out, and so is what lies at one depth all around.
+    Thin lines, which do both, are left out, and so is what lies at one depth all around. A sector that shows nothing
+    counts as half of one.
     """
     sectors = reduce_theta(bscan, min(SECTORS, bscan.shape[0]))
     sectors = (sectors - quantiles(sectors, STEADY)).astype(np.float32)
@@ -294,4 +295,4 @@ def share_brightening(bscan: Image) -> float:
     opened = cv2.dilate(cv2.erode(sectors, window, borderType=ends), window, borderType=ends)
     smooth = uniform_filter1d(opened, size, axis=1)
     rise = smooth[:, size:] - smooth[:, :-size]
-    return float(np.mean(rise.max(axis=1) > -rise.min(axis=1)))
+    return float(np.mean(0.5 + 0.5 * np.sign(rise.max(axis=1) + rise.min(axis=1))))

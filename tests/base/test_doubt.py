@@ -82,3 +82,12 @@ def test_little_observed_wall_is_doubted_once() -> None:
     (doubt,) = doubts_of_observed(panorama(3))
     assert (doubt.code, doubt.value, doubt.expected) == ("little-observed", 0.75, (0.9, 1.0))
     assert doubts_of_observed(panorama(3, doubts=(doubt,))) == ()
+
+
+def test_one_row_alone_is_doubted_once() -> None:
+    grid = SurfaceGrid.full_circle(1, 4, z0_mm=0.0, dz_mm=0.2, radius_mm=1.0)
+    ones = np.ones((1, 4))
+    made = Panorama(grid, ones.astype(np.float32), None, ones > 0, ones, "oct", True, True)
+    (doubt,) = doubts_of_observed(made)
+    assert (doubt.code, doubt.value) == ("one-row", 1.0)
+    assert doubts_of_observed(replace(made, doubts=(doubt,))) == ()

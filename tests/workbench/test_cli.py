@@ -50,6 +50,17 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     return run_once
 
 
+@pytest.mark.parametrize(("columns", "widest"), [("1", 40), ("0", 500), ("100000000", 500)])
+def test_help_fits_a_terminal_of_sensible_width(
+    run: Run, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
+) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    status, said = run("info", "--help")
+    assert status == 0
+    (line,) = (line for line in said.splitlines() if "--modality" in line)  # of the table, which has all columns
+    assert 30 < len(line) <= widest
+
+
 @pytest.fixture(scope="module")
 def compared(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("compared") / "comparison"

@@ -81,6 +81,16 @@ def test_a_report_may_be_written_again_and_replaces_nothing_foreign(comparison: 
     assert "a note of mine" in page.read_text()
 
 
+def test_scratch_of_a_save_that_was_killed_is_no_part(comparison: Path) -> None:
+    for place in (".endoct-session.json-x1", "masks/oct/.endoct-anna_1.png-x2", "masks/oct/.endoct.gone-endoct-y-z"):
+        (comparison / place / "new").mkdir(parents=True)
+        (comparison / place / "lock").write_text("process 1 on a machine\n")
+        (comparison / place / "new" / "anna_1.png").write_bytes(b"half")
+    assert only(comparison).intact
+    (comparison / "masks" / "oct" / ".other").write_text("mine")
+    assert only(comparison).differences.added == ("masks/oct/.other",)
+
+
 def test_a_folder_of_outputs_is_checked_one_by_one(comparison: Path, tmp_path: Path) -> None:
     shutil.copytree(comparison, tmp_path / "other")
     flip(tmp_path / "other" / "result.json")

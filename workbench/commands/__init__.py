@@ -3,6 +3,8 @@
 import difflib
 import functools
 import io
+import os
+import shutil
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
@@ -23,6 +25,8 @@ from endoct.workbench.commands.simulations import Dataset, Simulate, demo, warm_
 from endoct.workbench.running.refusals import DONE, WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
+FEWEST_COLUMNS, MOST_COLUMNS = 40, 500
+"""tyro breaks the lines of help for ever where there is hardly a column, and fills them up where there are many."""
 OF_BENCH: Mapping[str, Callable[..., Any]] = {
     "make": make,
     "submit": Submit,
@@ -34,6 +38,13 @@ OF_BENCH: Mapping[str, Callable[..., Any]] = {
 
 `endoct bench` takes a task, so tyro gets `endoct bench submit …` as `endoct bench-submit …`.
 """
+
+
+def _limit_columns() -> None:
+    """Have help printed for a terminal of a sensible width, whatever this one has, or `COLUMNS` says."""
+    columns = shutil.get_terminal_size().columns
+    if not FEWEST_COLUMNS <= columns <= MOST_COLUMNS:
+        os.environ["COLUMNS"] = str(min(max(columns, FEWEST_COLUMNS), MOST_COLUMNS))
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -61,6 +72,7 @@ def run(arguments: Sequence[str]) -> int:
         "warm-up": warm_up,
         "completion": completion,
     }
+    _limit_columns()
     arguments = _joined(arguments or ["open"])
     if near := _near(arguments[0], commands):
         sys.stderr.write(f"endoct: unknown command '{visible(arguments[0])}'; did you mean '{near}'?\n")

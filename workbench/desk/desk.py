@@ -13,9 +13,9 @@ from typing import Any
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.contents import kind_of
-from endoct.base.files.files import entries, is_folder, path_text, read_small
+from endoct.base.files.files import entries, exists, is_folder, leads_below, path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
-from endoct.workbench.desk.forms import Command, arguments_of, form_of, path_within
+from endoct.workbench.desk.forms import Command, arguments_of, form_of
 from endoct.workbench.desk.runs import command_line
 from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
@@ -55,9 +55,10 @@ class OpenFolder:
 
     def report(self, name: str) -> bytes:
         """Return the report of a pose, which has no page. Raises :class:`NoSuchTile` where there is none."""
-        place = self.folder / path_within(self.folder, name)
+        place = self.folder / name
         path = place / "report.html"
-        if kind_of(place) != POSE or path.is_symlink() or not path.is_file():
+        there = leads_below(self.folder, place) and exists(place) and kind_of(place) == POSE
+        if not there or path.is_symlink() or not path.is_file():
             raise NoSuchTile("there is no such report", found=name[:80])
         return read_small(path, REPORT_BYTES)
 
@@ -91,7 +92,7 @@ class Desk:
 
     def open(self, folder: Path) -> OpenFolder:
         """Open a folder and return it. Raises :class:`EndoctError` where there is none."""
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise EndoctError(f"{folder} cannot be opened", found="no folder", remedy="check the path")
         opened = OpenFolder(folder, self.root)
         with self._lock:
@@ -129,7 +130,7 @@ class Desk:
         Raises :class:`EndoctError` where it cannot be listed.
         """
         folder = whole_path(text or str(Path.home()))
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise EndoctError(f"{folder} cannot be listed", found="no folder", expected="the whole path of one")
         names = [path.name for path in entries(folder) if is_folder(path) and path_text(path) == str(path)]
         return {"folder": str(folder), "above": str(folder.parent), "names": sorted(names)[:MOST_LISTED]}
@@ -193,7 +194,7 @@ def _form(folder: OpenFolder, name: str, modality: str | None) -> SidecarForm:
     """Return the form of a sidecar. Raises :class:`EndoctError` where that lies elsewhere, by a link."""
     recording = folder.study.input(name).path
     sidecar = sidecar_path(recording)
-    if sidecar.is_symlink() or not sidecar.resolve().is_relative_to(folder.folder):
+    if sidecar.is_symlink() or not leads_below(folder.folder, sidecar):
         raise EndoctError(f"{sidecar} is a link", remedy="edit the file that it leads to, or put a copy in its place")
     return sidecar_form(recording, modality)
 

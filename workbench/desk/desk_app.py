@@ -17,12 +17,12 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import inside
+from endoct.base.files.files import inside, leads_below
 from endoct.base.files.json_values import object_in
 from endoct.base.files.scratch import put_new, scratch_next_to
 from endoct.modalities.registry import manifests
@@ -33,6 +33,7 @@ from endoct.workbench.page.server import (
     FRESH,
     KEPT,
     Guard,
+    Json,
     allowed_hosts,
     asset,
     posted_json,
@@ -121,7 +122,7 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
             return Response(status_code=400)
         except EndoctError as error:
             return PlainTextResponse(str(error), status_code=409, headers={**FRESH, "connection": "close"})
-        return JSONResponse({"done": True}, headers=FRESH)
+        return Json({"done": True}, headers=FRESH)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -204,7 +205,8 @@ class _Secret:
 
 
 def _page(template: str, title: str, **values: object) -> Response:
-    return HTMLResponse(rendered(template, title=title, research=RESEARCH, **values), headers=FRESH)
+    page = rendered(template, title=title, research=RESEARCH, **values)
+    return HTMLResponse(page.encode("utf-8", "backslashreplace"), headers=FRESH)
 
 
 def _json(answer: Answer) -> Answer:
@@ -212,7 +214,7 @@ def _json(answer: Answer) -> Answer:
 
     def answered(request: Request) -> Response:
         try:
-            return JSONResponse(answer(request), headers=FRESH)
+            return Json(answer(request), headers=FRESH)
         except NoSuchTile:
             raise
         except EndoctError as error:
@@ -247,9 +249,9 @@ async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> N
         or any(ord(letter) < 32 for letter in name)
     ):
         raise EndoctError("a dropped file cannot be taken", found=name[:80], expected="a plain name, no hidden file")
-    if not place.parent.resolve().is_relative_to(folder.resolve()):
+    if not leads_below(folder, place.parent):
         raise EndoctError("a dropped file would leave the folder by a link", found=name[:80])
-    if place.exists() or place.is_symlink():
+    if os.path.lexists(place):
         raise _taken(place)
     try:
         await run_in_threadpool(place.parent.mkdir, parents=True, exist_ok=True)

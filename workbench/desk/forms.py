@@ -15,6 +15,7 @@ from docstring_parser import parse
 from tyro.conf import Fixed, Positional, Suppress
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import exists, leads_below
 
 Command = Callable[..., Any]
 Kind = Literal["text", "number", "choice", "switch", "path", "paths", "lines"]
@@ -103,9 +104,8 @@ def path_within(folder: Path, text: str) -> str:
 
     Raises :class:`EndoctError` where it leads elsewhere, by itself or by a link.
     """
-    path = folder / text
-    outside = Path(text).is_absolute() or ".." in Path(text).parts or not text.strip() or "\0" in text
-    if outside or not path.resolve().is_relative_to(folder.resolve()):
+    outside = Path(text).is_absolute() or ".." in Path(text).parts or not text.strip()
+    if outside or not leads_below(folder, folder / text):
         raise EndoctError(
             f"'{text[:80]}' is no path in the folder that is open",
             expected=f"one below {folder}",
@@ -161,6 +161,10 @@ def _words(field: FormField, value: object, folder: Path) -> Iterator[str]:
     texts = _lines(field, value) if several else [_text(field, value)]
     if field.kind in ("path", "paths") or _may_be_file(field, texts):
         texts = [path_within(folder, text) for text in texts]
+    if field.kind == "lines":
+        for value in (text.partition("=")[2] for text in texts):
+            if "/" in value or exists(folder / value):  # the value of a setting may be a file
+                path_within(folder, value)
     if not field.flag:
         yield from texts
     elif field.kind == "paths":

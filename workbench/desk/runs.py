@@ -1,11 +1,13 @@
 """Runs of endoct's commands: a queue on the disk, which outlives the server, and whatever looks at it.
 
 Every run has a folder of its own. A process of its own, which belongs to no terminal and to no server, carries it out
-(:func:`main`). It starts the command, notes how that ends, cancels it, and holds the lock of the folder meanwhile. So
-the folder says by itself whether a run waits, is under way, has ended and how, or was lost with the machine.
+(:func:`main`). It starts the command, notes how that ends, cancels it, and holds the lock of the folder meanwhile, as
+the command does. So the folder says by itself whether a run waits, is under way, has ended and how, or was lost with
+the machine. A command whose process was killed is interrupted.
 """
 
 import json
+import math
 import os
 import re
 import shlex
@@ -22,6 +24,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
 
+from endoct.base.compute.process_group import process_group
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import read_object
@@ -216,7 +219,9 @@ def _read(path: Path) -> Run | None:
     try:
         request = read_object(path / REQUEST)
         arguments, folder = request["arguments"], Path(request["folder"])
-        if not isinstance(arguments, list) or not arguments or not all(isinstance(word, str) for word in arguments):
+        if not isinstance(arguments, list) or not arguments or "\0" in str(folder):
+            return None
+        if not all(isinstance(word, str) and word.isprintable() for word in arguments):
             return None
     except (EndoctError, KeyError, TypeError):
         return None
@@ -229,16 +234,18 @@ def _read(path: Path) -> Run | None:
 
 def _state(path: Path) -> tuple[State, float | None]:
     if (path / ENDED).exists():
-        with suppress(EndoctError, KeyError, TypeError, ValueError):
+        with suppress(EndoctError, KeyError, TypeError, ValueError, OverflowError):
             ended = read_object(path / ENDED)
-            return _ENDS.get(int(ended["status"]), "failed"), float(ended["seconds"])
+            seconds = float(ended["seconds"])
+            return _ENDS.get(int(ended["status"]), "failed"), seconds if 0 <= seconds < math.inf else None
         return "failed", None
     try:
         since_s = time.time() - (path / STARTED).stat().st_mtime
     except OSError:
         return ("cancelled" if (path / CANCEL).exists() else "waiting"), None
-    if since_s < STARTING_S or _is_held(path / LOCK):
-        return "running", since_s
+    # a clock that was set back says nothing of how long it takes
+    if 0 <= since_s < STARTING_S or _is_held(path / LOCK):
+        return "running", since_s if since_s >= 0 else None
     return "lost", None
 
 
@@ -267,8 +274,8 @@ def _stages(line: str) -> dict[str, float]:
     return {title: int(share) / 100 for title, share in _SHARE.findall(progress[1])} if progress else {line: 0.0}
 
 
-def _place(run: Run) -> Path:
-    return (run.folder / run.output).resolve()
+def _place(run: Run) -> str:
+    return os.path.realpath(run.folder / run.output)
 
 
 def main() -> None:
@@ -276,15 +283,15 @@ def main() -> None:
     path = Path(sys.argv[1])
     for _ in range(round(TAKING_S / WATCH_S)):
         try:
-            with held(path / LOCK):
-                _carry_out(path)
+            with held(path / LOCK) as lock:
+                _carry_out(path, lock)
                 return
         except HeldError:
             time.sleep(WATCH_S)
 
 
-def _carry_out(path: Path) -> None:
-    request, begun = read_object(path / REQUEST), time.time()
+def _carry_out(path: Path, lock: int) -> None:
+    request, begun = read_object(path / REQUEST), time.monotonic()
     if (path / ENDED).exists():
         return
     cancelled = path / CANCEL
@@ -296,22 +303,27 @@ def _carry_out(path: Path) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, cancel)
     environment = os.environ | {EVERY_S_NAME: PROGRESS_EVERY_S, "COLUMNS": "200"}
+    command, folder = [sys.executable, "-P", "-c", PROGRAM, *request["arguments"]], Path(request["folder"])
     with (path / LOG).open("wb") as log:
         try:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-c", PROGRAM, *request["arguments"]],
-                cwd=request["folder"], stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=environment,
-            )  # fmt: skip
+            with process_group(
+                command,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                cwd=Path(request["folder"]),
+                env=environment,
+                holds=[lock],
+            ) as process:
+                asked = False
+                while (status := process.poll()) is None:
+                    if cancelled.exists() and not asked:
+                        process.send_signal(signal.SIGINT)
+                        asked = True
+                    time.sleep(WATCH_S)
         except OSError as error:
-            log.write(f"endoct: {request['folder']} cannot be used; found {error.strerror}\n".encode())
+            log.write(f"endoct: {path_text(folder)} cannot be used; found {error.strerror}\n".encode())
             _note(path, 1, begun)
             return
-        asked = False
-        while (status := process.poll()) is None:
-            if cancelled.exists() and not asked:
-                process.send_signal(signal.SIGINT)
-                asked = True
-            time.sleep(WATCH_S)
     # one that was interrupted before it could listen ends as the system has it
     _note(path, status if not asked or status in (DONE, NOT_ALIGNED) else INTERRUPTED, begun)
 
@@ -319,5 +331,5 @@ def _carry_out(path: Path) -> None:
 def _note(path: Path, status: int, begun: float) -> None:
     """Note how the run ended, at one stroke."""
     scratch = path / f".{ENDED}"
-    scratch.write_text(json.dumps({"status": status, "seconds": time.time() - begun}), encoding="utf-8")
+    scratch.write_text(json.dumps({"status": status, "seconds": time.monotonic() - begun}), encoding="utf-8")
     scratch.replace(path / ENDED)

@@ -241,7 +241,8 @@ def _text(value: object) -> str:
     if isinstance(value, str):
         return value
     try:
-        return toml_value("", value)
+        text = toml_value("", value)
+        return f"{{{text[2:-2]}}}" if isinstance(value, Mapping) else text
     except EndoctError:
         return str(value)
 

@@ -6,6 +6,7 @@ A recording is known by its content, as `endoct info` knows it. What endoct wrot
 import os
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -14,13 +15,14 @@ import cv2
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME, kind_of
-from endoct.base.files.files import exists, inside, path_text
+from endoct.base.files.files import exists, inside, leads_below, path_text
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
 from endoct.modalities.reading.recording import gives_frames
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama
+from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.pipeline.information import describe, recognise, side_by_side
 from endoct.workbench.running.outputs import POSE, SPECIMEN
 
@@ -86,14 +88,16 @@ class Study:
             return tuple(sorted(self._inputs.values(), key=lambda each: each.name))
 
     def input(self, name: str) -> Input:
-        """Return what was found under ``name``, or is found there now. Raises :class:`EndoctError` where nothing is."""
+        """Return what was found under ``name``, or is found there now. Raises :class:`NoSuchTile` where nothing is."""
         with self._lock:
             if name in self._inputs:
                 return self._inputs[name]
-        path = self.folder if name == "." else inside(self.folder, name, "a recording")
-        recording = _recording(self.folder, path) if path.resolve().is_relative_to(self.folder) else None
+        recording = None
+        with suppress(EndoctError, OSError, ValueError):  # no file can have such a name
+            path = self.folder if name == "." else inside(self.folder, name, "a recording")
+            recording = _recording(self.folder, path) if leads_below(self.folder, path) else None
         if recording is None:
-            raise EndoctError(
+            raise NoSuchTile(
                 "there is no such recording in the folder", found=name[:80], remedy="look through it again"
             )
         with self._lock:

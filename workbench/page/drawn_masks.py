@@ -21,9 +21,10 @@ from PIL import Image as Pillow
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import plain_name
+from endoct.base.files.files import plain_name, read_small
 from endoct.base.files.json_values import object_in
 from endoct.base.files.output import new_output
+from endoct.base.files.scratch import clear_dead_scratch
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.outlines import fill
@@ -159,32 +160,39 @@ class DrawnMasks:
         return shlex.join(map(str, parts))
 
 
+def _sidecar(grid: SurfaceGrid) -> bytes:
+    """Return the sidecar of a mask; empty where only its panorama says where its samples lie."""
+    if grid.rows_mm is not None or grid.theta0_rad != 0:
+        return b""
+    keys = {"modality": "mask", "bore_diameter_mm": 2 * grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm}
+    return tomli_w.dumps(keys).encode()
+
+
 def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) -> None:
-    """Write a mask and then its sidecar below ``folder``; where one cannot be written, neither stays."""
+    """Write a mask below ``folder``, its sidecar first; where one cannot be written, neither stays.
+
+    A mask whose save was killed is not there: at most its sidecar is, which the same save takes over.
+    """
     path = folder / MASKS / side / f"{name}.png"
     if (folder / MASKS).is_symlink() or path.parent.is_symlink():
         raise EndoctError(f"{path.parent} is a link", remedy="move the link away")
-    if path.exists() or path.with_suffix(".toml").exists():
+    sidecar, text = path.with_suffix(".toml"), _sidecar(grid)
+    if path.exists() or (sidecar.exists() and read_small(sidecar) != text):
         raise EndoctError(f"the mask {name} of {side} exists already", remedy="save it as another session")
     file = io.BytesIO()
     Pillow.fromarray(mask.astype(np.uint8) * 255).save(file, "PNG")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with new_output(path, KIND) as scratch:
-            scratch.write_bytes(file.getvalue())
-        if grid.rows_mm is None and grid.theta0_rad == 0:  # else it lies on the samples of the panorama alone
-            keys = {
-                "modality": "mask",
-                "bore_diameter_mm": 2 * grid.radius_mm,
-                "z0_mm": grid.z0_mm,
-                "dz_mm": grid.dz_mm,
-            }
-            try:
-                with new_output(path.with_suffix(".toml"), KIND) as scratch:
-                    scratch.write_text(tomli_w.dumps(keys), encoding="utf-8")
-            except BaseException:
-                path.unlink()
-                raise
+        clear_dead_scratch(path.parent)
+        try:
+            if text and not sidecar.exists():
+                with new_output(sidecar, KIND) as scratch:
+                    scratch.write_bytes(text)
+            with new_output(path, KIND) as scratch:
+                scratch.write_bytes(file.getvalue())
+        except BaseException:
+            sidecar.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise EndoctError(f"the mask {name} cannot be written", found=error.strerror or str(error)) from error
 

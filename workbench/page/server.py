@@ -21,7 +21,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, cause_of, visible
 from endoct.base.files.files import SMALL_BYTES
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Link, document
@@ -71,7 +71,7 @@ def session_routes(session: Sessions | None) -> list[Route]:
 
     @concerning(session.origin)
     def state(_: Request) -> Response:
-        return JSONResponse(session.state(), headers=FRESH)
+        return Json(session.state(), headers=FRESH)
 
     async def judged(request: Request) -> Response:
         return await _answer(request, session.judged_from, session.origin)
@@ -93,7 +93,7 @@ def mask_routes(masks: DrawnMasks | None) -> list[Route]:
 
     @concerning(masks.origin)
     def listed(_: Request) -> Response:
-        return JSONResponse(masks.listed(), headers=FRESH)
+        return Json(masks.listed(), headers=FRESH)
 
     async def outlined(request: Request) -> Response:
         return await _answer(request, masks.outlined, masks.origin)
@@ -115,7 +115,7 @@ async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], orig
         return data
     try:
         origin.check_named(request)
-        return JSONResponse(await run_in_threadpool(act, data), headers=FRESH)
+        return Json(await run_in_threadpool(act, data), headers=FRESH)
     except Gone:
         raise
     except EndoctError as error:
@@ -227,7 +227,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
 
     @of_shown
     def outline(_: Request) -> Response:
-        return JSONResponse(shown.outlines(), headers=FRESH)
+        return Json(shown.outlines(), headers=FRESH)
 
     @of_shown
     def tile(request: Request) -> Response:
@@ -248,23 +248,23 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
     def values(request: Request) -> Response:
         theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
         z_mm = _place(request, "z_mm", FARTHEST_MM)
-        return JSONResponse(shown.values_at(theta_rad, z_mm), headers=FRESH)
+        return Json(shown.values_at(theta_rad, z_mm), headers=FRESH)
 
     @of_shown
     def pictures(request: Request) -> Response:
         found = shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
-        return JSONResponse(found, headers={"cache-control": KEPT})
+        return Json(found, headers={"cache-control": KEPT})
 
     @of_shown
     def reading(request: Request) -> Response:
         """Say how far a recording was read again; asked by POST, begin to read it."""
         reader = shown.side(request.path_params["side"]).reader
         if reader is None:
-            return JSONResponse({"state": "absent", "share": 0.0, "said": "the recording is not there"})
+            return Json({"state": "absent", "share": 0.0, "said": "the recording is not there"})
         if request.method == "POST":
             reader.start()
         said = {"state": reader.state, "share": reader.share, "said": reader.said}
-        return JSONResponse(said, headers=FRESH)
+        return Json(said, headers=FRESH)
 
     return Starlette(
         lifespan=few_threads,
@@ -322,6 +322,16 @@ def _place(request: Request, name: str, most: float) -> float:
     return value
 
 
+class Json(JSONResponse):
+    """JSON of what a person's files are called: bytes of a name that are no text are escaped,."""
+
+    def render(self, content: Any) -> bytes:
+        """Return the bytes to send."""
+        return json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(
+            "utf-8", "backslashreplace"
+        )
+
+
 async def not_found(_: Request, error: Any) -> Response:
     """Answer that there is no such thing."""
     return PlainTextResponse(str(error), status_code=404)
@@ -332,12 +342,23 @@ async def not_there(_: Request, error: Any) -> Response:
     return PlainTextResponse(str(error), status_code=410, headers=FRESH)
 
 
+async def not_read(_: Request, error: Any) -> Response:
+    """Answer that the system has no such file, or cannot read it."""
+    return PlainTextResponse(visible(cause_of(error)), status_code=404)
+
+
 async def failed(_: Request, error: Any) -> Response:
     """Answer that something cannot be read."""
     return PlainTextResponse(str(error), status_code=500)
 
 
-ANSWERS_TO_ERRORS: dict[Any, Any] = {NoSuchTile: not_found, Gone: not_there, EndoctError: failed}
+ANSWERS_TO_ERRORS: dict[Any, Any] = {
+    NoSuchTile: not_found,
+    Gone: not_there,
+    EndoctError: failed,
+    OSError: not_read,
+    UnicodeError: not_read,
+}
 
 
 def page_app(shown: Shown, open_anew: Callable[[], Shown], host: str, port: int) -> Starlette:

@@ -94,3 +94,14 @@ def test_equations_are_solved(n: int) -> None:
     vector = matrix @ solution
     solve(matrix.copy(), vector)
     np.testing.assert_allclose(vector, solution, rtol=1e-9)
+
+
+def test_an_environment_that_numba_refuses_is_said_in_one_line() -> None:
+    command = [sys.executable, "-c", "import endoct.base.compute.compiled"]
+    done = subprocess.run(
+        command, env=os.environ | {"NUMBA_NUM_THREADS": "0"}, capture_output=True, text=True, check=False
+    )
+    assert done.stderr.splitlines()[-1].endswith(
+        "EndoctError: numba cannot be loaded; found Number of threads specified must be > 0.; "
+        "see what NUMBA_… says in the environment"
+    )

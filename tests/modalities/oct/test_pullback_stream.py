@@ -152,6 +152,15 @@ def test_noise_has_no_direction() -> None:
     assert share_brightening(noise[:, ::-1]) > UPSIDE_DOWN
 
 
+def test_what_shows_nothing_is_not_upside_down(quick_specimen: Path) -> None:
+    flat = np.full((300, 200), 40, np.float32)
+    assert share_brightening(flat) == 0.5
+    page = tifffile.imread(quick_specimen / "oct" / "pullback.tif")[4].T.astype(np.float32)
+    for black in (page.copy(), page.copy()[:, ::-1]):
+        black[: len(page) // 2] = 0
+        assert (share_brightening(black) < UPSIDE_DOWN) == (black[-1, 0] != page[-1, 0])
+
+
 def test_a_pullback_exported_upside_down_is_refused_in_one_line(unrolled: UnrollPhantom) -> None:
     phantom = Phantom(n_slices=4)
     with pytest.raises(NotSeen, match=r"upside down.*darkens with depth.*turn the pages over") as caught:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import shutil
 import time
 from collections.abc import Iterator
@@ -105,6 +106,60 @@ def test_a_dropped_file_lies_in_the_folder(served: Served, address: str, study: 
     assert not (study.parent / "x").exists()
 
 
+HOSTILE = ["x" * 300, "/".join(["x" * 200] * 30), "loop", "loop/loop/x", "half \ud800", "\0", "../..", "", "a\udce9"]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_name_that_is_not_there_is_not_found(
+    served: Served, desk: Desk, address: str, study: Path, name: str
+) -> None:
+    (study / "loop").symlink_to("loop")
+    asked = quote(name, errors="surrogatepass")
+    for place in ("recording", "picture.png", "report", "sidecar.json"):
+        status, said, _ = served.get(f"{address}{place}?name={asked}")
+        assert (status, len(said) < 500) == (404, True)
+    assert served.get(f"{desk.root}/folders.json?in=/{asked}")[0] in (200, 409)
+    octets = {"Content-Type": "application/octet-stream"}
+    assert post(served, f"{address}file?name={asked}", b"content", **octets)[0] in (409, 200)
+    for path, posted in (
+        ("sidecar", {"name": name, "modality": "oct", "texts": {}}),
+        ("sidecar", {"name": "bore-1/oct", "modality": name, "texts": {}}),
+        ("sidecar", {"name": "bore-1/oct", "modality": "oct", "texts": {"calibration": name or "x"}}),
+        ("preview", {"name": name, "texts": {}}),
+        ("command", {"command": name, "values": {}}),
+    ):
+        status, said = post(served, f"{address}{path}", posted)
+        assert status in (404, 409), said
+    asked_for = {"command": "unroll", "values": {"path": name, "output": "x"}}
+    assert post(served, f"{address}command", asked_for)[0] in (200, 409)  # a line to type, which the command refuses
+    assert post(served, f"{desk.root}/open", {"folder": f"/{name}" if name else "x"})[0] in (409, 200)
+    assert post(served, f"{desk.root}/queue/{asked or 'x'}/cancel", {})[0] in (404, 409)
+
+
+def test_names_that_are_no_text_are_listed_with_the_rest(served: Served, address: str, study: Path) -> None:
+    """As much as can be: frames are read by their folder, and what they are called is only shown."""
+    frames = study / "bore-1" / "endoscope"
+    (frames / os.fsdecode(b"caf\xe9.png")).write_bytes(b"no picture")
+    (study / os.fsdecode(b"caf\xe9")).mkdir()
+    (study / os.fsdecode(b"caf\xe9.tif")).write_bytes(b"")
+    post(served, f"{address}look", {})
+    for _ in range(600):
+        status, found, _ = served.get(f"{address}found.json")
+        assert status == 200
+        if not json.loads(found)["looking"]:
+            break
+        time.sleep(0.1)
+    assert {one["name"] for one in json.loads(found)["inputs"]} == {"bore-1/oct", "bore-1/endoscope"}
+
+
+def test_a_folder_whose_name_is_no_text_has_a_page(served: Served, desk: Desk, study: Path) -> None:
+    folder = study / os.fsdecode(b"caf\xe9")
+    folder.mkdir()
+    address = desk.open(folder).address
+    for place in (f"{desk.root}/", address, f"{address}found.json", f"{address}results.json"):
+        assert served.get(place)[0] == 200
+
+
 def test_a_bookmark_holds_after_a_restart(served: Served, desk: Desk, address: str, tmp_path: Path):
     desk._folders.clear()
     assert served.get(address)[0] == 200
@@ -197,7 +252,7 @@ def test_the_page_of_a_result_outlives_a_restart(
 )
 def test_nonsense_is_answered_in_one_line(served: Served, desk: Desk, address: str, path: str, sent: Any):
     status, said = post(served, f"{address}{path}", sent)
-    assert status == 409
+    assert status == (404 if "no such recording" in said else 409)
     assert said
     assert "\n" not in said
     assert desk.state.queue.runs() == []

@@ -56,6 +56,16 @@ def test_the_command_line_reads_the_words_as_they_were_meant():
     assert (made.preset, made.seed, made.detail_mm, made.overwrite) == ("hard", 7, 0.02, False)
 
 
+@pytest.mark.parametrize("value", ["/etc/passwd", "../eye.safetensors", "x/../../y", "linked", "half/\0"])
+def test_a_setting_names_no_file_out_of_the_folder(value: str, tmp_path: Path) -> None:
+    (tmp_path / "linked").symlink_to("/etc/passwd")
+    given = {"a": "x", "b": "y", "output": "z"}
+    with pytest.raises(EndoctError):
+        arguments_of(FORMS["compare"], {**given, "settings": [f"eye={value}"]}, tmp_path)
+    for inside in ("eyes/mine.safetensors", "mine.safetensors", "endoct", "0.5"):
+        assert arguments_of(FORMS["compare"], {**given, "settings": [f"eye={inside}"]}, tmp_path)
+
+
 @pytest.mark.parametrize(
     ("name", "values", "said"),
     [

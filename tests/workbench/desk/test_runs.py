@@ -1,6 +1,7 @@
 """The queue: it goes on whoever is killed, and says what came of every run."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -8,11 +9,15 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import psutil
 import pytest
+from processes import has_ended
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.scratch import held
 from endoct.workbench.desk import runs
 from endoct.workbench.desk.runs import Queue, Run
+from endoct.workbench.page.server import Json
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals")
 LONGEST_S = 120
@@ -124,6 +129,58 @@ def test_a_run_whose_process_was_killed_is_lost(tmp_path: Path, monkeypatch: pyt
     assert not queue.run(name).is_open
 
 
+def test_a_command_ends_with_its_process_and_is_under_way_until_then(queue: Queue, tmp_path: Path) -> None:
+    queue.start()
+    name = queue.add(["simulate", "--output=one", "--preset=quick"], tmp_path)
+    until(lambda: bool(queue.run(name).stages))
+    keeper = int((queue.folder / name / runs.LOCK).read_text().split()[1])
+    (command,) = (one.pid for one in psutil.Process(keeper).children() if one.name() != "sh")
+    os.kill(command, signal.SIGSTOP)  # it does not end before it is looked at
+    os.kill(keeper, signal.SIGKILL)
+    assert has_ended(keeper)
+    assert queue.run(name).state == "running"
+    with pytest.raises(EndoctError, match="in the queue already"):
+        queue.repeat(name)
+    os.kill(command, signal.SIGCONT)
+    assert has_ended(command)
+    until(lambda: queue.run(name).state == "lost")
+    assert [path.name for path in tmp_path.iterdir()] == ["queue"]
+
+
+def test_a_clock_that_is_set_back_says_nothing_of_a_run(queue: Queue, tmp_path: Path) -> None:
+    name = queue.add(["target", "--output=tube"], tmp_path)
+    place = queue.folder / name
+    (place / runs.STARTED).touch()
+    os.utime(place / runs.STARTED, (time.time() + 86_400,) * 2)
+    assert queue.run(name).state == "lost"
+    with held(place / runs.LOCK):
+        run = queue.run(name)
+    assert (run.state, run.seconds) == ("running", None)
+
+
+@pytest.mark.parametrize(
+    ("text", "state", "seconds"),
+    [
+        ('{"status": 0, "seconds": 2}', "done", 2.0),
+        ('{"status": 0, "seconds": -86396}', "done", None),
+        ('{"status": 0, "seconds": NaN}', "done", None),
+        ('{"status": 0, "seconds": Infinity}', "done", None),
+        ('{"status": Infinity, "seconds": 2}', "failed", None),
+        ('{"status": 0', "failed", None),
+    ],
+)
+def test_a_damaged_end_closes_nothing(
+    queue: Queue, tmp_path: Path, text: str, state: str, seconds: float | None
+) -> None:
+    name, _ = (queue.add(["target", f"--output={output}"], tmp_path) for output in ("tube", "other"))
+    (queue.folder / name / runs.STARTED).touch()
+    (queue.folder / name / runs.ENDED).write_text(text)
+    first, second = queue.runs()
+    assert (first.state, first.seconds, second.state) == (state, seconds, "waiting")
+    assert Json([first.to_json(), second.to_json()]).status_code == 200
+    queue.add(["target", "--output=third"], tmp_path)
+
+
 @pytest.mark.parametrize("name", ["../state", "", "1/../..", "x", "9" * 50, "1"])
 def test_no_name_leads_elsewhere(queue: Queue, name: str):
     with pytest.raises(EndoctError, match="no such run"):
@@ -131,7 +188,16 @@ def test_no_name_leads_elsewhere(queue: Queue, name: str):
 
 
 @pytest.mark.parametrize(
-    "request_text", ["", "[]", "{}", '{"arguments": [], "folder": "/"}', '{"arguments": [1], "folder": 2}']
+    "request_text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"arguments": [], "folder": "/"}',
+        '{"arguments": [1], "folder": 2}',
+        '{"arguments": ["\\ud800"], "folder": "/"}',
+        '{"arguments": ["x"], "folder": "/\\u0000"}',
+    ],
 )
 def test_what_is_no_run_is_passed_over(queue: Queue, request_text: str):
     (queue.folder / "00000000000000000001").mkdir()

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ from endoct.fusion.files.masks import read_mask
 from endoct.fusion.files.store import load_comparison
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import load_panorama
+from endoct.workbench.page import drawn_masks
 from endoct.workbench.page.drawn_masks import Shape, painted, shapes_from
 from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import verify
@@ -232,3 +235,32 @@ def stroke(points: object, radius_mm: object = 1.0, adds: object = True) -> list
 def test_what_is_no_drawing_is_refused(posted: object):
     with pytest.raises(EndoctError):
         shapes_from(posted)
+
+
+def test_a_save_that_was_killed_leaves_no_mask_without_its_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most a sidecar, which the same save takes over; and its scratch, which the next save clears."""
+    grid = SurfaceGrid.full_circle(4, 8, z0_mm=0.5, dz_mm=0.1, radius_mm=1.0)
+    mask, masks, before = np.ones(grid.shape, bool), folder / "masks" / "oct", []
+
+    def refused(path: Path, kind: str) -> Any:
+        if path.suffix == ".png":
+            before.append([one.name for one in masks.iterdir()])
+            raise OSError(28, "no space left")
+        return real(path, kind)
+
+    real = drawn_masks.new_output
+    monkeypatch.setattr(drawn_masks, "new_output", refused)
+    with pytest.raises(EndoctError, match="no space left"):
+        drawn_masks._write(folder, "oct", "anna_1", mask, grid)
+    assert before == [["anna_1.toml"]]
+    assert list(masks.iterdir()) == []
+    monkeypatch.undo()
+    (masks / "anna_1.toml").write_bytes(drawn_masks._sidecar(grid))
+    stale = masks / ".endoct-ben_1.png-x"
+    (stale / "new").mkdir(parents=True)
+    (stale / "lock").write_text("process 1 on a machine\n")
+    with pytest.raises(EndoctError, match="exists already"):
+        drawn_masks._write(folder, "oct", "anna_1", mask, replace(grid, z0_mm=0.7))
+    drawn_masks._write(folder, "oct", "anna_1", mask, grid)
+    assert sorted(path.name for path in masks.iterdir()) == ["anna_1.png", "anna_1.toml"]
+    assert tomllib.loads((masks / "anna_1.toml").read_text())["z0_mm"] == 0.5

@@ -9,7 +9,6 @@ from pathlib import Path
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from endoct.base.errors import visible
 from endoct.base.files.contents import is_marked, marked
@@ -18,7 +17,7 @@ from endoct.workbench.bench.published.definition import Generator, load_definiti
 from endoct.workbench.bench.published.standings import Entrant, Loss, Standing, TaskBoard, read_boards
 from endoct.workbench.bench.published.submitted import OURS
 from endoct.workbench.bench.results.plots import STYLES, Style
-from endoct.workbench.report.figures.drawing import PAGE_WIDTH_IN, journal_style
+from endoct.workbench.report.figures.drawing import PAGE_WIDTH_IN, journal_style, number_decades
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.running.outputs import BOARD
 
@@ -132,6 +131,7 @@ def _curves(board: TaskBoard) -> Figure:
             panels[1][column].set_xticks(range(len(words)), words)
             if board.scored.better == "lower":
                 panels[1][column].set_yscale("log")
+                number_decades(panels[1][column].yaxis)
         panels[0][0].set_ylabel("share of successes")
         panels[1][0].set_ylabel(f"median {board.scored.score}")
         handles, labels = panels[0][0].get_legend_handles_labels()
@@ -148,7 +148,7 @@ def _line(axes: Axes, points: Sequence[Standing], style: Style, name: str, value
         marker=style.marker,
         markersize=4,
         linewidth=2.2 if name == OURS else 1.0,
-        label=name,
+        label=visible(name).lstrip("_") or "_",  # matplotlib lists no line whose name begins with that
     )
     axes.grid(axis="y", linewidth=0.3)
 
@@ -172,9 +172,7 @@ def _costs(board: TaskBoard) -> Figure:
                     linewidth=0.6,
                 )
             axes.set(xscale="log", ylim=(-0.03, 1.03), title=GENERATORS[generator], xlabel="median seconds a case")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.xaxis.set_major_formatter("{x:g}")
-            axes.xaxis.set_minor_formatter(NullFormatter())
+            number_decades(axes.xaxis)
             axes.grid(linewidth=0.3)
         panels[0].set_ylabel("share of successes")
         return figure

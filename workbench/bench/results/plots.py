@@ -43,6 +43,7 @@ from endoct.workbench.report.figures.drawing import (
     SKY,
     VERMILION,
     journal_style,
+    number_decades,
 )
 
 LineStyle = Literal["-", "--", "-."]
@@ -272,7 +273,8 @@ def _scale(axes: Axes, axis: str, values: "pd.Series[float]") -> None:
     """Make an axis logarithmic where positive scores span more than two decades."""
     values = values.dropna()
     if not values.empty and values.min() > 0 and values.max() > 100 * values.min():
-        (axes.set_xscale if axis == "x" else axes.set_yscale)("log")
+        axes.set(**{f"{axis}scale": "log"})
+        number_decades(axes.xaxis if axis == "x" else axes.yaxis, within=(1.0,))
 
 
 def _title(name: str, task: AnyTask) -> str:

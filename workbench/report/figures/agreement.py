@@ -4,7 +4,6 @@ from functools import partial
 
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from endoct.base.arrays import Coordinates
 from endoct.fusion.result import Budget, Limits, Strata
@@ -20,6 +19,7 @@ from endoct.workbench.report.figures.drawing import (
     VERMILION,
     journal_style,
     new_figure,
+    number_decades,
     place,
     render,
 )
@@ -155,9 +155,7 @@ def _bland_altman(axes: Axes, pairs: Coordinates, area: Limits, findings: Findin
     for limit in (area.low, area.high):
         axes.axhline(limit, color=VERMILION, linewidth=0.8, linestyle="--")
     axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    number_decades(axes.xaxis)
     axes.set_title("(b) area of matched cells", pad=4)
     axes.set_xlabel("mean area (mm²)")
     axes.set_ylabel(f"{b} − {a} (mm²)")

@@ -13,10 +13,12 @@ import numpy as np
 from imagecodecs import png_encode
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -50,6 +52,7 @@ _STYLE: Any = {  # Any: matplotlib types its keys as literals
     "ytick.major.width": 0.6,
     "hatch.linewidth": 0.5,
     "axes.titlelocation": "left",
+    "text.parse_math": False,  # a name may have "$" in it; logarithmic axes: number_decades
     "axes.titley": 1.0,  # fixed: matplotlib would measure every label to find a place for it
 }
 
@@ -69,6 +72,13 @@ MASK_COLOURS = ListedColormap([PAPER, INK])
 def journal_style() -> AbstractContextManager[None]:
     """Return the context in which every figure is made and drawn: small type and thin lines."""
     return rc_context(_STYLE)
+
+
+def number_decades(axis: Axis, within: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Write plain numbers at each decade of a logarithmic axis, times ``within``."""
+    axis.set_major_locator(LogLocator(subs=within))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:

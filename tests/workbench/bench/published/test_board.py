@@ -54,3 +54,16 @@ def test_a_page_of_others_stays(submissions: Path, tmp_path: Path) -> None:
     with pytest.raises(EndoctError):
         write_board(submissions, tmp_path / "board.html", overwrite=True)
     assert (tmp_path / "board.html").read_text(encoding="utf-8") == "mine"
+
+
+def test_names_stay_texts_in_drawings(tmp_path: Path) -> None:
+    """No escape sequence, nothing that turns the direction of writing, no formula, no line without a name."""
+    names = ["\x1b[2J", "\u202eevil", r"$\frac{1}{$", "_hidden"]
+    rows = [scored("s0", name, 0.5, success=True) for name in names]
+    (tmp_path / "one.json").write_text(text_of(submission(rows, [entry("s0")])), encoding="utf-8")
+    write_board(tmp_path, tmp_path / "board.html")
+    page = (tmp_path / "board.html").read_text(encoding="utf-8")
+    assert not {"\x1b", "\u202e"} & set(page)
+    drawing = page[page.index("<svg") : page.index("</svg>")]
+    for shown in (r"\x1b[2J", r"\u202eevil", r"$\frac{1}{$", "hidden"):
+        assert f">{shown}</text>" in drawing
