@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import mutants
+from benchmarks import mutants, mutated_modules
 from benchmarks.mutants import drawn, named
 from benchmarks.mutated_modules import NAMED, ROOT
 from benchmarks.small_faults import KINDS, fault, faults_in

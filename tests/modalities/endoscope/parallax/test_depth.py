@@ -106,7 +106,7 @@ def test_assumed_optics_make_every_depth_less_sure(unrolled: Unrolled, otherwise
     deep = same & (np.abs(depths[0]) > 0.15)  # type: ignore[arg-type]
     assert deep.sum() > 1000
     more = errors[1][deep] ** 2 - errors[0][deep] ** 2  # type: ignore[index]
-    share = np.sqrt(more) / np.abs(depths[0][deep])  # type: ignore[index]
+    share = np.sqrt(np.maximum(more, 0)) / np.abs(depths[0][deep])  # type: ignore[index]
     assert np.median(share) == pytest.approx(np.sqrt(0.15**2 - 0.03**2), rel=0.02)
     assert np.nanmin(errors[1]) >= np.nanmin(errors[0])  # type: ignore[arg-type]
 
