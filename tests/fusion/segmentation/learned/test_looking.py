@@ -96,6 +96,7 @@ def test_inputs_tell_what_is_known_and_lead_back() -> None:
     assert abs(back[0][disc(40, 2, 0.2)].mean() - 0.6) < 0.05
     assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
     assert (back[2][disc(90, 200, 0.2)] == 0).all()
+    assert back[2][disc(40, 2, 0.2)] == pytest.approx(0.1 / (0.1 + 0.03), abs=0.01)
     assert (back[3][disc(60, 300, 0.1)] == 0).all()
     assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(TRAINED_MM)
 

@@ -67,6 +67,7 @@ def test_wall_and_floors_lie_where_they_are_as_surely_as_is_said(unrolled: Unrol
         assert robust_sigma(error - np.median(error)) < most_mm
         assert abs(np.median(error)) < most_mm
         assert (np.abs(error) <= 2 * error_mm[where]).mean() > 0.8
+        assert np.sqrt(np.mean((error / error_mm[where]) ** 2)) > 0.25, "nor is it overstated: 0.4 and 0.9"
 
 
 def test_the_seam_is_as_smooth_as_elsewhere(unrolled: Unrolled) -> None:
