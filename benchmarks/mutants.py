@@ -34,7 +34,7 @@ SINCE = "67ffa19"
 LOADED = ("numpy", "scipy.ndimage", "scipy.optimize", "scipy.stats", "scipy.signal", "cv2", "numba", "zarr", "pydantic",
           "tyro", "tifffile", "pydicom", "skimage.measure", "jinja2", "rich")  # fmt: skip
 """Loaded once, for all mutants: libraries, never a module of the product."""
-PER_TEST, LONGEST = 2, 20
+PER_TEST, LONGEST = 2, 200
 """What has not ended after so many times the time, of the processor and of the clock, does not end."""
 
 

@@ -79,9 +79,10 @@ def test_the_gravest_reason_is_told() -> None:
     assert "mirror image" in (replace(better, mirrored=True).reason or "")
 
 
-@pytest.mark.parametrize(
-    "axis", [(2.6, 0, 0, 0), (0, 2.6, 0, 0), (1.85, 1.85, 0, 0), (0, 0, 0.09, 0), (0, 0, 0, -0.09)]
-)
+FAR = [(2.6, 0, 0, 0), (0, 2.6, 0, 0), (-1.85, 1.85, 0, 0), (0, 0, 0.09, 0), (0, 0, 0, -0.09)]
+
+
+@pytest.mark.parametrize("axis", FAR)
 def test_how_far_off_the_plan_counts_both_ways(axis: tuple[float, ...]) -> None:
     assert "off the plan" in (pose(axis=axis).reason or "")
     assert pose(axis=tuple(0.7 * value for value in axis)).reason is None

@@ -1,6 +1,5 @@
 """Parts of a wall that do not lie where a rigid alignment puts them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -104,10 +103,10 @@ def test_lost_slices_shift_what_follows() -> None:
     assert worst.along_mm == pytest.approx(4 * ROW_MM, abs=0.1)
 
 
-@pytest.mark.parametrize("rearrange", [lambda rows: np.r_[rows[:10], rows[25:30], rows[15:25], rows[10:15], rows[30:]]])
-def test_swapped_slices_are_found_where_they_belong(rearrange: Callable[[np.ndarray], np.ndarray]) -> None:
+def test_swapped_slices_are_found_where_they_belong() -> None:
     pair = make_pair(rows=ROWS)
-    parts = out_of_place(pair, rearranged(pair.b, rearrange(np.arange(ROWS))))
+    rows = np.r_[0:10, 25:30, 15:25, 10:15, 30:ROWS]
+    parts = out_of_place(pair, rearranged(pair.b, rows))
     assert {round(part.along_mm / (15 * ROW_MM)) for part in parts} == {-1, 1}
 
 

@@ -93,7 +93,9 @@ def test_what_was_placed_by_hand_is_kept(
     compare(*sides, output, settings={"n_theta": 512}, progress=False)
     placed_file = output / "session.json"
     placed_file.write_bytes(session.read_bytes())
-    assert all(verdict.intact for verdict in verify(output))
+    verdicts = list(verify(output))
+    assert verdicts
+    assert all(verdict.intact for verdict in verdicts)
     for command in (
         ("compare", *sides, "-o", output, "--overwrite"),
         ("compare", *sides, "-o", output, "--overwrite", "--session", placed_file),

@@ -1,6 +1,7 @@
 """The learned eye: its inputs and the way back, the seam of θ, long bores in pieces, weights that are none."""
 
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -111,6 +112,7 @@ def test_inputs_tell_what_is_known_and_lead_back() -> None:
     assert abs(back[0][disc(40, 2, 0.2)].mean() - 0.6) < 0.05
     assert abs(back[1][disc(40, 2, 0.2)].mean() - 0.5) < 0.05
     assert (back[2][disc(90, 200, 0.2)] == 0).all()
+    assert back[2][disc(40, 2, 0.2)] == pytest.approx(0.1 / (0.1 + 0.03), abs=0.01)
     assert (back[3][disc(60, 300, 0.1)] == 0).all()
     assert inputs.z_mm[1] - inputs.z_mm[0] == pytest.approx(TRAINED_MM)
 
@@ -190,3 +192,44 @@ def test_pieces_cover_a_bore_and_overlap(n_z: int) -> None:
     assert (pieces[0].start, pieces[-1].stop) == (0, n_z)
     assert all(one.stop - other.start >= looking.OVERLAP_ROWS for one, other in pairwise(pieces))
     assert len(pieces) == -(-(n_z - 16) // 112)
+
+
+def told_by(
+    eye: Callable[[torch.Tensor], torch.Tensor], values: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> np.ndarray:
+    """What an ``eye`` put in by hand says of ``values`` (n_z,) of darkness along a thin bore, looked at in pieces."""
+    monkeypatch.setattr(looking, "PIECE_ROWS", 200)
+    monkeypatch.setattr(looking, "OVERLAP_ROWS", 64)
+    monkeypatch.setattr(looking, "eye_of", lambda _: (lambda channels: torch.logit(eye(channels[:, 0])), {}))
+    image = np.repeat(values[:, None], 24, axis=1).astype(np.float32)
+    z_mm = STEP_MM * np.arange(len(values))
+    evidence = Evidence(image, np.ones(image.shape, np.bool_), z_mm, STEP_MM, 0.0, 0.06, "darkness")
+    return look(Path("by hand"), evidence, None, inputs_of(evidence, None, LOOK_MM)).of_cell
+
+
+RISE = np.linspace(0.05, 0.95, 500)
+
+
+def test_pieces_lie_where_they_were_cut_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eye that repeats what it is shown returns all of it, to the last row."""
+    told = told_by(lambda shown: shown.clamp(0.01, 0.99), RISE, monkeypatch)
+    np.testing.assert_allclose(told, np.repeat(RISE[:, None], 24, axis=1), atol=0.004)
+
+
+def test_pieces_fade_into_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An eye that says the same of all of a piece: its first row. Steps are drawn out over where pieces overlap.
+
+    From piece to piece lie at most 136 rows of 1000, 0.13 of the rise; without fading that is a jump.
+    """
+    told = told_by(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE, monkeypatch)[:, 0]
+    steps = np.diff(told)
+    assert told[0] == pytest.approx(0.05, abs=0.002)
+    assert told[:20] == pytest.approx(told[0], abs=1e-6)  # the first piece alone
+    assert told[-1] > 0.7
+    assert steps.min() > -1e-6
+    assert steps.max() < 0.01
+
+
+def test_of_a_bore_that_is_one_piece_nothing_fades(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = told_by(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE[:60], monkeypatch)
+    assert told == pytest.approx(0.05, abs=1e-6)

@@ -55,13 +55,18 @@ def test_to_decline_where_endoct_succeeds_is_a_loss_for_who_declines(tmp_path: P
     ours = [scored(n, "endoct", 0.7 if k < 3 else None, success=True) for k, n in enumerate(NAMES)]
     other = [scored(n, "other", None if k < 3 else 0.2, success=k > 5) for k, n in enumerate(NAMES)]
     board = board_of(tmp_path, [*ours, *other])
-    assert board.losses() == []  # better in the two that it answered with success, worse in three
+    assert board.losses() == []
+    loss = board._loss("simulator", *board.entrants)
+    assert (loss.better, loss.worse, loss.even) == (2, 3, 3)  # better in the two that it answered with success
 
 
 def test_methods_of_one_name_are_kept_apart(tmp_path: Path) -> None:
-    board = board_of(tmp_path, [scored(n, "mine", 0.7) for n in NAMES], [scored(n, "mine", 0.6) for n in NAMES])
+    files = [[scored(n, "mine", value) for n in NAMES] for value in (0.7, 0.6)]
+    board = board_of(tmp_path, *files)
     assert [each.name for each in board.entrants] == ["mine", "mine (file1)"]
-    assert board.losses() == []
+    assert board.losses() == []  # without endoct's own, nobody is compared with it
+    board = board_of(tmp_path, *files, [scored(n, "endoct", 0.5) for n in NAMES])
+    assert [(loss.method, loss.theirs) for loss in board.losses()] == [("mine", 0.7), ("mine (file1)", 0.6)]
 
 
 def test_submissions_on_different_recordings_are_refused(tmp_path: Path) -> None:
