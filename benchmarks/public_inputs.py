@@ -80,20 +80,31 @@ def _refused(*words: str) -> Check:
     return lambda ran: ran.status == 1 and ran.err.strip().count("\n") == 0 and all(word in ran.err for word in words)
 
 
-def _ct(place: tuple[float, float, float], *notes: str, lps: bool = True) -> Check:
+def _ct(place: tuple[float, float, float], *notes: str, lps: bool = True, high: float = MARK_HU) -> Check:
     """Read, its brightest voxel within 0.01 mm of ``place``, LPS, its values those of the file; saying ``notes``."""
 
     def check(ran: Ran) -> bool:
         facts = ran.facts
-        low, high = facts.get("values", (0, 0))
+        values = tuple(facts.get("values", (0, 0)))
         return (
             facts.get("kind") == "CT"
-            and (low, high) == (-1020.0, MARK_HU)
+            and values == (-1020.0, high)
             and facts["coordinates"] == ("lps" if lps else "ras")
             and all(note in ran.said for note in notes)
         )
 
     check.place = place  # type: ignore[attr-defined]  # for who reads the voxels
+    return check
+
+
+def _as_pydicom(n: int) -> Check:
+    """Read with ``n`` frames, without a word, each as pydicom reads it."""
+    right = _frames(n)
+
+    def check(ran: Ran) -> bool:
+        return right(ran)
+
+    check.as_pydicom = True  # type: ignore[attr-defined]  # for who reads the frames
     return check
 
 
@@ -148,15 +159,21 @@ INPUTS: Mapping[str, Input] = {
     "avi-h264-b-frames": Input("refused as damaged", _INFO, _refused("no times", "B-frames", "ffv1")),
     "chirp-dat-is-text": Input("refused: wrong length", _INFO, _frames(2)),
     "copy-of-one-slice": Input("13 frames of 12", _INFO, _frames(12, "slice_005 (1).png")),
+    "ct-concatenation-half": Input("half a volume", _CT, _refused("series is a part", "found part 1 of 2")),
+    "ct-dicomdir": Input('"damaged"', _CT, _ct(_MARK, "no images: DICOMDIR", high=2000)),
     "ct-enhanced-multiframe": Input("traceback", _CT, _ct(_MARK)),
     "ct-gantry-tilt": Input("straightened, 4.1 mm off", _CT, _ct((0.0, 17.818, 113.899), "tilted by 15.0°")),
+    "ct-j2k-signed-stream": Input("680 to 64555", _CT, _ct(_MARK, "numbers have no sign", high=2000)),
+    "ct-left-justified": Input("2000 HU as 2304", _CT, _ct(_MARK, high=2000)),
     "ct-missing-slice": Input("29 slices 0.518 mm apart", _CT, _refused("009.dcm", "011.dcm")),
     "ct-monochrome1": Input("bone as air", _CT, _ct(_MARK, "MONOCHROME1")),
     "ct-multiframe-secondary-capture": Input("traceback", _CT, _refused("does not say where its voxels lie")),
     "ct-no-position": Input("at 0, 0, 0, 1 mm apart", _CT, _refused("000.dcm", "does not say where its voxels lie")),
+    "ct-padding-63536": Input("62512 HU outside", _CT, _ct(_MARK, "6870 voxels", "62512 HU", high=2000)),
     "ct-scout-in-series": Input("31 slices, 38.7 mm off", _CT, _ct(_MARK, "scout: 000.dcm")),
     "ct-scout-other-size": Input("a C++ exception", _CT, _refused("000.dcm", "64 × 32")),
     "ct-two-volumes-one-series": Input("30 slices, alternately", _CT, _refused("000_0.dcm and 000_1.dcm")),
+    "dicom-big-endian-words": Input("neighbours exchanged", _INFO, _as_pydicom(8)),
     "dicom-slow": Input("15 to 25 s", _plan("."), _refused(".dcm")),
     "frames-tiff-by-ffmpeg-444": Input("59 counts off", _INFO, _refused("colours as YCbCr;", "rgb24")),
     "frames-tiff-by-ffmpeg-raw": Input("refused as truncated", _INFO, _refused("YCbCr, one for 2 × 2 pixels", "rgb24")),
@@ -173,6 +190,7 @@ INPUTS: Mapping[str, Input] = {
     "names-decimals": Input("0.2 0.4 … 0.25 0.75 0 1.2", _INFO, _in_place),
     "nifti-microns": Input('"sheared"', ("info", "ct.nii.gz", "--json"), _ct(_MARK, lps=False)),
     "nifti-no-codes": Input("RAS, no word", _plan("ct.nii.gz"), _refused("RAS or LPS")),
+    "nrrd-detached-dot-slash": Input("not next to it", ("info", "ct.nhdr", "--json"), _ct(_MARK, high=2000)),
     "oct-miniswhite": Input("upside down in brightness", _INFO, _frames(12, "WhiteIsZero")),
     "oct-signed-16-log": Input("lost with its report's picture", _UNROLL, lambda ran: "100.0% valid" in ran.out),
     "plan-fcsv-slicer5": Input("refused as not placed", ("info", "plan.fcsv", "--json"), _slicer_5),
@@ -204,7 +222,18 @@ def outcome(folder: Path, name: str) -> Outcome:
     if (place := getattr(given.right, "place", None)) is not None and right:
         far_mm = farthest_of_mark(folder / name / given.words[1], place)
         return Outcome(f"{ran.said}; {far_mm:.4f} mm off", far_mm <= PLACE_MM)
+    if hasattr(given.right, "as_pydicom"):
+        right = right and _frames_as_pydicom(folder / name / given.words[1])
     return Outcome(ran.said, right)
+
+
+def _frames_as_pydicom(folder: Path) -> bool:
+    from pydicom import dcmread
+
+    from endoct.modalities.reading.recording import open_stack
+
+    stack = open_stack(folder)
+    return np.array_equal([stack[k] for k in range(len(stack))], dcmread(next(folder.glob("*.dcm"))).pixel_array)
 
 
 def _share_of_cells(mask: Path) -> Ran:

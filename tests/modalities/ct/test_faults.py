@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from benchmarks.ct_faults.faults import FAULTS, SOUND
-from benchmarks.ct_faults.trial import BELIEVED, RIGHT, tried
+from benchmarks.ct_faults.trial import BELIEVED, CODINGS, RIGHT, tried, tried_coding
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="writes links and pipes")
 EACH = 4
+OF_CODINGS = 60
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -28,3 +29,11 @@ def test_a_sound_volume_is_read_where_it_lies(container: str, tmp_path: Path) ->
     for number in range(EACH):
         trial = tried(container, number, 2024, tmp_path / "case")
         assert trial.end == RIGHT, (number, trial.said)
+
+
+@pytest.mark.parametrize("kind", CODINGS)
+def test_headers_that_contradict_samples_are_not_believed(kind: str, tmp_path: Path) -> None:
+    for number in range(OF_CODINGS):
+        trial = tried_coding(kind, number, 2024, tmp_path / "case")
+        assert trial.end != BELIEVED, (number, trial.fault, trial.said)
+        assert "\n" not in trial.said
