@@ -15,7 +15,7 @@ import cv2
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME, kind_of
-from endoct.base.files.files import exists, inside, leads_below, path_text
+from endoct.base.files.files import exists, inside, leads_below, path_text, read_start
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
@@ -24,6 +24,8 @@ from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama
 from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.pipeline.information import describe, recognise, side_by_side
+from endoct.workbench.pipeline.sources import is_mask_image
+from endoct.workbench.pipeline.unread import MOST_ASKED, Unread, accompanies
 from endoct.workbench.running.outputs import POSE, SPECIMEN
 
 Kind = Literal["recording", "volume", "plan", "pose"]
@@ -31,6 +33,8 @@ DEEPEST = 5
 """How many folders below the one that is open anything is looked for."""
 MOST_INPUTS = 1000
 MOST_FOLDERS = 20_000
+MOST_IN_FOLDER = 10_000
+"""More files of a folder are looked at only where a sidecar says that they are a recording."""
 MOST_FILES = 40
 """Files of a folder that are looked at one by one, where the folder as a whole is no recording."""
 VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd")
@@ -74,6 +78,7 @@ class Study:
         self._lock = threading.Lock()
         self._looking: threading.Thread | None = None
         self._fault = ""
+        self._unread = Unread()
 
     def look(self) -> None:
         """Begin to look through the folder, unless that is under way."""
@@ -129,13 +134,14 @@ class Study:
             "looking": looking,
             "fault": self._fault,
             "inputs": [each.to_json() for each in self.inputs()],
+            "unread": self._unread.to_json(),
             "pairs": [[path_text(a.name), path_text(b.name)] for a, b in self.pairs()],
         }
 
     def _look(self) -> None:
-        fault, names = "", set()
+        fault, names, unread = "", set(), Unread()
         try:
-            for each in inputs_in(self.folder):
+            for each in inputs_in(self.folder, unread):
                 names.add(each.name)
                 with self._lock:
                     self._inputs[each.name] = each
@@ -145,14 +151,15 @@ class Study:
         except (EndoctError, OSError) as error:
             fault = str(error)
         with self._lock:
-            self._fault = fault
+            self._fault, self._unread = fault, unread
             self._inputs = {name: each for name, each in self._inputs.items() if name in names}
 
 
-def inputs_in(folder: Path) -> Iterator[Input]:
+def inputs_in(folder: Path, unread: Unread) -> Iterator[Input]:
     """Yield what commands can read in ``folder``, itself included. Links to folders are not followed.
 
-    Raises :class:`EndoctError` where there is more than anybody could look through.
+    ``unread`` gets the files that nothing reads; those beside frames are among the facts of their recording. Raises
+    :class:`EndoctError` where there is more than anybody could look through.
     """
     below = [(folder, 0)]
     for _ in range(MOST_FOLDERS):
@@ -164,11 +171,18 @@ def inputs_in(folder: Path) -> Iterator[Input]:
             yield Input(here.relative_to(folder).as_posix(), here, "pose")
         if is_panorama(here) or (kind is not None and kind != SPECIMEN):
             continue
-        if (recording := _recording(folder, here)) is not None:
+        folders, files = _listed(here)
+        if len(files) > MOST_IN_FOLDER and not exists(here / SIDECAR_NAME):
+            why = f"not looked at: {len(files)} files lie in its folder, and no {SIDECAR_NAME}"
+            for path in files:
+                unread.add(path.relative_to(folder).as_posix(), path, why)
+        elif (recording := _recording(folder, here)) is not None:
             yield recording
             continue
-        folders, files = _listed(here)
-        yield from _single_files(folder, files)
+        elif files and is_volume(here):
+            yield Input(here.relative_to(folder).as_posix(), here, "volume")
+        else:
+            yield from _single_files(folder, files, unread)
         if depth < DEEPEST:
             below += [(path, depth + 1) for path in reversed(folders) if kind != SPECIMEN or path.name != "truth"]
     raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
@@ -202,21 +216,35 @@ def _recording(folder: Path, path: Path) -> Input | None:
     return Input(name, path, "recording", facts) if facts["kind"] == "recording" else None
 
 
-def _single_files(folder: Path, files: list[Path]) -> Iterator[Input]:
+def _single_files(folder: Path, files: list[Path], unread: Unread) -> Iterator[Input]:
     suffixes = {suffix for manifest in manifests().values() for suffix in manifest.suffixes}
     looked_at = 0
-    for path in files:
-        lower = path.name.lower()
-        if lower.endswith(PLAN_SUFFIX):
-            if is_plan(path):
-                yield Input(path.relative_to(folder).as_posix(), path, "plan")
-        elif lower.endswith(VOLUME_SUFFIXES):
-            if is_volume(path):
-                yield Input(path.relative_to(folder).as_posix(), path, "volume")
-        elif looked_at < MOST_FILES and (path.suffix.lower() in suffixes or gives_frames(path)):
+    for asked, path in enumerate(files):
+        lower, name = path.name.lower(), path.relative_to(folder).as_posix()
+        if accompanies(path):
+            continue
+        if lower.endswith(PLAN_SUFFIX) and is_plan(path):
+            yield Input(name, path, "plan")
+        elif lower.endswith(VOLUME_SUFFIXES) and is_volume(path):
+            yield Input(name, path, "volume")
+        elif looked_at >= MOST_FILES or asked >= MOST_ASKED:
+            unread.add(name, path, f"not looked at: {len(files)} files lie in its folder")
+        elif path.suffix.lower() in suffixes or gives_frames(path):
             looked_at += 1
             if (recording := _recording(folder, path)) is not None:
                 yield recording
+            elif not _is_mask(path):
+                unread.add(name, path)
+        elif not _is_mask(path):
+            unread.add(name, path)
+
+
+def _is_mask(path: Path) -> bool:
+    """Whether a file is a mask drawn by hand, which is no input of its own; a table is one where it lists shapes."""
+    try:
+        return is_mask_image(path) and (path.suffix.lower() != ".csv" or b"shape-type" in read_start(path, 200))
+    except (EndoctError, OSError):
+        return False
 
 
 def _listed(folder: Path) -> tuple[list[Path], list[Path]]:

@@ -5,7 +5,7 @@ step has made is stored and drawn while the next ones are done.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -40,7 +40,7 @@ from endoct.workbench.pipeline.sources import (
     source_of,
     unroll_sources,
 )
-from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
+from endoct.workbench.pipeline.unrolling import TRAVEL_BY_DEFAULT, Unrolled, copy_sample_frames, save_sample_frames
 from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.requests import CompareRequest
@@ -105,7 +105,14 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
-    notes = {side.name: (*side.panorama.notes, *unpictured.get(side.name, ())) for side in sides}
+    notes = {
+        side.name: (
+            *side.panorama.notes,
+            *(notes_on_travel(side, sides) if comparison.alignment else ()),
+            *unpictured.get(side.name, ()),
+        )
+        for side in sides
+    }
     comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)
@@ -158,6 +165,17 @@ def _completed(
             "in all, before the report": round(time.perf_counter() - start, 3),
         },
     )
+
+
+def notes_on_travel(side: Side, sides: tuple[Side, Side]) -> Iterator[str]:
+    """Yield that the direction of z rests on a default of ``side``: no recording of both ``sides`` states its own."""
+    recorded = [each.panorama for each in sides if each.drawing is None]
+    stated = any(each.travel_known and TRAVEL_BY_DEFAULT not in each.provenance for each in recorded)
+    if not stated and (taken := side.panorama.provenance.get(TRAVEL_BY_DEFAULT)):
+        yield (
+            f"Which way z runs along the bore rests on a default: nothing states its travel, and '{taken}' was assumed."
+            " If it moved the other way, the bore is reversed. State travel in its sidecar."
+        )
 
 
 def _doubt_of_inputs(a: Mapping[str, str], b: Mapping[str, str]) -> Doubt | None:

@@ -26,6 +26,7 @@ from endoct.modalities.registry import manifest_for, manifests, open_recording, 
 from endoct.modalities.stated import stated_keys
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys, missing_lines
+from endoct.workbench.pipeline.unread import beside, texts_in
 from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 from endoct.workbench.running.outputs import THUMBNAIL
 
@@ -129,6 +130,9 @@ def texts_of(value: object) -> list[str]:
     """Return a value of JSON as lines for people."""
     if isinstance(value, Mapping) and {"code", "what"} <= value.keys():  # a doubt
         return [f"{value['what']} ({value['code']})"]
+    if isinstance(value, Mapping) and {"count", "files"} == value.keys():
+        more = value["count"] - len(value["files"])
+        return [f"{each['name']}: {each['why']}" for each in value["files"]] + [f"and {more} more"] * (more > 0)
     if isinstance(value, Mapping):
         return [f"{key}: {text}" for key, each in value.items() for text in texts_of(each)] or ["none"]
     if isinstance(value, list) and not all(isinstance(each, int | float) for each in value):
@@ -172,6 +176,8 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
     if stream is not None:
         remarks += Remarks(notes_on_gaps(stream.acquisition.positions_mm))
     facts |= {"doubts": [doubt.to_json() for doubt in remarks.doubts], "notes": list(remarks.notes)}
+    if path.is_dir() and (unread := beside(path, manifest, texts_in(keys))).count:
+        facts["unread"] = unread.to_json()
     return facts | {"next": _next(path, sidecar, bool(missing), modality)}
 
 

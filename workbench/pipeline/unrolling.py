@@ -46,6 +46,9 @@ from endoct.workbench.running.scheduler import Scheduler, in_background
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Pictures of frames are taken at these shares of the recording's length."""
 
+TRAVEL_BY_DEFAULT = "travel_by_default"
+"""Under this name a panorama's provenance has the direction of travel that no sidecar, file or setting states."""
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -104,6 +107,12 @@ def open_recording(
     return Recording(path, files, manifest, stream, parameters, device)
 
 
+def _travel_by_default(acquisition: Acquisition) -> Mapping[str, str]:
+    """Return which way the instrument was taken to have moved, where nothing but a default says so."""
+    by_default = "travel" not in acquisition.model_fields_set and acquisition.travel != "unknown"
+    return {TRAVEL_BY_DEFAULT: acquisition.travel} if by_default else {}
+
+
 def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> Unrolled:
     """Survey, unroll and settle a recording.
 
@@ -129,6 +138,7 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
                 provenance={
                     "parameters": parameters.model_dump(mode="json"),
                     "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
+                    **_travel_by_default(stream.acquisition),
                     **_made_with(recording.device),
                 },
             )

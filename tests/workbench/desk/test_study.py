@@ -5,13 +5,19 @@ import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from random import Random
 
+import cv2
+import numpy as np
 import pytest
 
+from benchmarks.ct_faults.drawn import drawn, named_slices
+from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study, inputs_in, picture_of
+from endoct.workbench.pipeline.unread import Unread
 
 
 def looked_through(folder: Path) -> Study:
@@ -56,18 +62,18 @@ def test_single_files_are_known_by_their_content(study: Path):
     for name in ("first.dat", "second.dat"):
         shutil.copy(study / "bore-1" / "oct" / "pullback.tif", loose / name)
     (loose / "notes.dat").write_text("not a recording")
-    names = sorted(each.name for each in inputs_in(study))
+    names = sorted(each.name for each in inputs_in(study, Unread()))
     assert names == ["bore-1/endoscope", "bore-1/oct", "loose/first.dat", "loose/second.dat"]
 
 
 def test_what_endoct_wrote_is_no_input(study: Path, quick_specimen: Path):
     shutil.copytree(quick_specimen, study / "specimen")
-    names = [each.name for each in inputs_in(study)]
+    names = [each.name for each in inputs_in(study, Unread())]
     assert sorted(names) == ["bore-1/endoscope", "bore-1/oct", "specimen/endoscope", "specimen/oct"]
 
 
 def test_the_folder_itself_may_be_the_recording(study: Path):
-    assert [each.name for each in inputs_in(study / "bore-1" / "oct")] == ["."]
+    assert [each.name for each in inputs_in(study / "bore-1" / "oct", Unread())] == ["."]
     assert Study(study / "bore-1" / "oct").input(".").modality == "oct"
 
 
@@ -132,3 +138,45 @@ def test_a_folder_is_remembered_by_several_at_once(tmp_path: Path):
         list(pool.map(desk.open, folders))
     assert {each.folder for each in state.recent()} == set(folders)
     assert not [path for path in (tmp_path / "state").iterdir() if path.name.startswith(".")]
+
+
+def test_files_that_nothing_reads_are_listed_with_their_reason(study: Path):
+    (study / "notes.txt").write_text("not a recording")
+    (study / "photo.png").write_bytes(b"no picture either")
+    (study / "film.wmv").write_bytes(bytes.fromhex("3026b2758e66cf11") + bytes(40))
+    (study / "bore-1" / "endoscope" / "setup.docx").write_bytes(b"PK")
+    cv2.imwrite(str(study / "anna_1.png"), np.eye(8, dtype=np.uint8) * 255)  # a mask is for commands to name
+    (study / "calibration.toml").write_text("")
+    found = looked_through(study).to_json()
+    assert found["unread"]["count"] == 3
+    why = {each["name"]: each["why"] for each in found["unread"]["files"]}
+    assert why["film.wmv"] == "a Windows Media video (ASF, WMV), which is not read"
+    assert why["notes.txt"] == "15 bytes; expected PNG, JPEG, BMP or TIFF"
+    assert set(why) == {"film.wmv", "notes.txt", "photo.png"}
+    endoscope = next(each for each in found["inputs"] if each["name"] == "bore-1/endoscope")
+    assert [each["name"] for each in endoscope["facts"]["unread"]["files"]] == ["setup.docx"]
+
+
+def test_of_many_files_the_first_are_listed(study: Path, monkeypatch: pytest.MonkeyPatch):
+    for k in range(30):
+        (study / f"{k:02d}.xyz").write_bytes(b"abc")
+    unread = looked_through(study).to_json()["unread"]
+    assert (unread["count"], [each["name"] for each in unread["files"]]) == (30, [f"{k:02d}.xyz" for k in range(20)])
+    monkeypatch.setattr("endoct.workbench.desk.study.MOST_ASKED", 3)
+    unread = looked_through(study).to_json()["unread"]
+    assert [each["why"].partition(":")[0] for each in unread["files"][2:4]] == [
+        "3 bytes; expected PNG, JPEG, BMP or TIFF",
+        "not looked at",
+    ]
+    monkeypatch.setattr("endoct.workbench.desk.study.MOST_IN_FOLDER", 29)
+    found = looked_through(study).to_json()
+    assert found["unread"]["count"] == 30
+    assert found["unread"]["files"][0]["why"] == "not looked at: 30 files lie in its folder, and no acquisition.toml"
+    assert len(found["inputs"]) == 2  # in the folders below
+
+
+def test_a_folder_of_ct_slices_is_one_volume(tmp_path: Path):
+    write_series(tmp_path / "ct", named_slices(drawn(Random(1))))
+    unread = Unread()
+    assert [(each.name, each.kind) for each in inputs_in(tmp_path, unread)] == [("ct", "volume")]
+    assert unread.count == 0

@@ -20,6 +20,7 @@ from endoct.modalities.registry import manifest_for, open_recording
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
+from endoct.workbench.pipeline.unread import beside, texts_in
 
 
 def frames(folder: Path) -> Path:
@@ -284,3 +285,25 @@ def test_a_ct_labels_and_a_plan_say_what_they_are(tmp_path: Path) -> None:
     (series / "IM0003.dcm").unlink()
     with pytest.raises(EndoctError, match=r"between IM0002\.dcm and IM0004\.dcm"):
         describe(series)
+
+
+def test_files_beside_frames_that_nothing_reads_are_listed(tmp_path: Path) -> None:
+    folder = frames(tmp_path / "endo")
+    for name in ("acquisition.toml", "Chirp.dat", ".hidden"):
+        (folder / name).write_text("")
+    assert "unread" not in describe(folder, "endoscope")
+    for k in range(22):
+        (folder / f"notes {k:02d}.txt").write_text("twice")
+    facts = describe(folder, "endoscope")
+    assert facts["unread"]["count"] == 22
+    lines = list(in_lines({"unread": facts["unread"]}))
+    assert lines[0] == "unread            notes 00.txt: 5 bytes; expected PNG, JPEG, BMP or TIFF"
+    assert lines[-1].split() == ["and", "2", "more"]
+    assert len(lines) == 21
+
+
+def test_files_that_a_sidecar_cites_are_no_junk(tmp_path: Path) -> None:
+    manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
+    (tmp_path / "endo" / "rises.txt").write_text("1\n2")
+    assert beside(tmp_path / "endo", manifest, texts_in({"spectra": {"chirp": "rises.txt", "samples": 2}})).count == 0
+    assert beside(tmp_path / "endo", manifest, texts_in({"note": "other"})).count == 1

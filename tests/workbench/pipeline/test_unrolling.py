@@ -12,9 +12,10 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
 from endoct.modalities import registry
 from endoct.modalities.contract import FrameStream, Manifest
+from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
+from endoct.workbench.pipeline.unrolling import _travel_by_default, open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
 
 
@@ -79,3 +80,11 @@ def test_a_recording_is_unrolled_by_the_method_that_is_chosen(short: Path) -> No
     assert np.ptp(theirs.z_mm) == pytest.approx(np.ptp(ours.z_mm), rel=0.05)
     with pytest.raises(EndoctError, match="unknown stitching method: 'ashlr'"):
         unroll(short / "endoscope", settings={"feed_method": "ashlr"}, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("stated", "by_default"), [({}, {"travel_by_default": "out"}), ({"travel": "out"}, {}), ({"travel": "unknown"}, {})]
+)
+def test_travel_that_nothing_states_is_a_default(stated: dict[str, str], by_default: dict[str, str]) -> None:
+    keys = {"modality": "oct", "axial_pixel_mm": 0.005, "pullback_pitch_mm": 0.2, "bore_diameter_mm": 2.5}
+    assert dict(_travel_by_default(OctAcquisition(**keys, capillary_outer_diameter_mm=1.7, **stated))) == by_default

@@ -9,10 +9,17 @@ export interface Item {
   fault: string;
 }
 
+/** Files that nothing reads: how many, and of the first ones why. */
+export interface Unread {
+  count: number;
+  files: { name: string; why: string }[];
+}
+
 export interface Found {
   looking: boolean;
   fault: string;
   inputs: Item[];
+  unread: Unread;
   pairs: [endoscope: string, oct: string][];
 }
 

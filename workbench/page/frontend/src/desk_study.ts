@@ -3,7 +3,7 @@
 import { openForm } from "./desk_form";
 import { takeDropped } from "./desk_drop";
 import { QueuePanel } from "./desk_queue";
-import { ask, message, named, post, type Form, type Found, type Item, type Result, type Values } from "./desk_server";
+import { ask, message, named, post, type Form, type Found, type Item, type Result, type Unread, type Values } from "./desk_server";
 import { button, element } from "./dom";
 
 const LOOK_MS = 600;
@@ -16,12 +16,13 @@ export async function showStudy(main: HTMLElement): Promise<void> {
 class StudyPage {
   private readonly inputs = element("tbody");
   private readonly pairs = element("div");
+  private readonly unread = element("div", { class: "unread" });
   private readonly results = element("tbody");
   private readonly said = element("small", { role: "status" });
   private readonly fault = element("p", { class: "fault", role: "alert" });
   private readonly queue: QueuePanel;
   private forms: Record<string, Form> = {};
-  private found: Found = { looking: true, fault: "", inputs: [], pairs: [] };
+  private found: Found = { looking: true, fault: "", inputs: [], unread: { count: 0, files: [] }, pairs: [] };
   private entries: Result[] = [];
 
   constructor(private readonly main: HTMLElement) {
@@ -38,7 +39,7 @@ class StudyPage {
         element("div", {},
           this.fault,
           element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate),
-            element("table", { class: "inputs" }, head("", "name", "what it is", "size", ""), this.inputs), this.pairs),
+            element("table", { class: "inputs" }, head("", "name", "what it is", "size", ""), this.inputs), this.pairs, this.unread),
           element("section", { class: "card" }, element("h2", {}, "Results"),
             element("table", { class: "results" }, head("", "name", "verdict", "Jaccard index", "doubts", "written"), this.results))),
         this.queue.element));
@@ -80,6 +81,7 @@ class StudyPage {
     this.said.textContent = looking ? `looking… ${inputs.length} found` : inputs.length ? String(inputs.length) : "none found: drop recordings here, or simulate a specimen";
     if (fault) this.fault.textContent = fault;
     this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
+    this.unread.replaceChildren(...(looking ? [] : unreadFiles(this.found.unread, "in this folder")));
     const pairs = this.found.pairs;
     this.pairs.replaceChildren(...(pairs.length > 1 && !looking
       ? [button(`compare all ${pairs.length} pairs`, "queue a comparison for every folder with one recording each of two instruments", null, () => void this.compareAll())]
@@ -96,7 +98,7 @@ class StudyPage {
     return element("tr", { "data-name": item.name },
       element("td", {}, ...picture), element("td", {}, name),
       element("td", {}, ...this.whatItIs(item)),
-      element("td", {}, String(item.facts["axes"] ?? ""), ...doubts.map((doubt) => element("small", { class: "doubt" }, doubt.what))),
+      element("td", {}, String(item.facts["axes"] ?? ""), ...doubts.map((doubt) => element("small", { class: "doubt" }, doubt.what)), ...unreadFiles(item.facts["unread"] as Unread | undefined, "beside it")),
       element("td", {}, element("div", { class: "acts" }, ...(item.fault ? [] : this.acts(item, missing, address)))));
   }
 
@@ -169,6 +171,15 @@ class StudyPage {
     const rows = this.entries.filter((entry) => entry.kind !== "specimen").map(resultRow);
     this.results.replaceChildren(...(rows.length ? rows : [element("tr", {}, element("td", { colspan: "6" }, element("small", {}, "None yet. Unroll a recording, or compare two.")))]));
   }
+}
+
+/** How many files are not recognised, and below it the first of them, each with its reason. */
+function unreadFiles(unread: Unread | undefined, where: string): Node[] {
+  if (!unread?.count) return [];
+  const more = unread.count - unread.files.length;
+  const lines = [...unread.files.map((file) => `${file.name}: ${file.why}`), ...(more ? [`and ${more} more`] : [])];
+  const summary = `${unread.count} ${unread.count === 1 ? "file" : "files"} not recognised ${where}`;
+  return [element("details", {}, element("summary", {}, summary), element("ul", {}, ...lines.map((line) => element("li", {}, line))))];
 }
 
 function resultRow(entry: Result): HTMLElement {
