@@ -6,16 +6,18 @@ logarithm of the intensity, less its mean around, over its own spread around.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from math import ceil, sqrt
+from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Image
-from endoct.base.compute.memory import Kept
-from endoct.base.compute.parallel import thread_map
-from endoct.base.numeric.circle import largest_divisor, masked_gaussian
-from endoct.modalities.contract import FrameStream
+from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.compute.compiled import compiled
+from endoct.base.compute.memory import Room
+from endoct.base.numeric.circle import largest_divisor
+from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.light import DARKEST
 from endoct.modalities.endoscope.unroll import unroll_frame
@@ -28,7 +30,8 @@ AROUND = 2.0
 """The surroundings reach this many times as far as the texture's own scale."""
 LEAST_SPREAD = 0.01
 STEPS_A_SPREAD = 32.0
-UNKNOWN = -128
+UNKNOWN = 0
+_ROOM = Room()
 
 
 @dataclass(frozen=True)
@@ -83,45 +86,133 @@ def fine_grid(calibration: EndoscopeCalibration) -> FineGrid:
 
 
 @dataclass(frozen=True, eq=False)
-class FineStrip:
-    """A frame on the rows of a fine grid from ``first`` on: logarithm of its intensity, float16; NaN where unseen."""
+class Strip:
+    """What a frame shows on the rows of a fine grid from ``first`` on: float32 logarithms of its intensity, and where.
+
+    Both (n_rows, n_columns).
+    """
 
     first: int
-    logs: NDArray[np.float16]
+    logs: Image
+    seen: Mask
 
 
-def fine_strips(
-    stream: FrameStream, calibration: EndoscopeCalibration, fine: FineGrid, strips: Kept[FineStrip]
-) -> None:
-    """Append every frame of ``stream`` to ``strips``, on the rows of ``fine`` that it shows."""
-    on_samples = replace(calibration, grid=fine.samples, row_z_mm=fine.samples.z_mm, oversample=(1, 1))
-    for strip in thread_map(partial(unroll_frame, calibration=on_samples), stream):
-        logs = np.where(strip.valid, np.log(np.maximum(strip.intensity, DARKEST)), np.nan)
-        strips.append(FineStrip(int(np.rint(fine.samples.row_of(strip.z_mm[0]))), logs.astype(np.float16)))
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """The local contrast of a strip, int8 (n_rows, n_columns), ``STEPS_A_SPREAD`` for one spread.
 
-
-def textures(
-    strips: Sequence[FineStrip], scale_mm: float, grid: SurfaceGrid
-) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
-    """Return the first row of every strip, (n,), and its local contrast, int8 (n, n_rows, n_columns).
-
-    ``STEPS_A_SPREAD`` for one spread; ``UNKNOWN`` where nothing is seen, as beyond the end of the shorter strips.
+    It is ``UNKNOWN`` where nothing is seen, and nowhere else.
     """
-    longest = max((len(strip.logs) for strip in strips), default=0)
-    stack = np.full((len(strips), longest, grid.n_theta), UNKNOWN, np.int8)
-    for one, strip in zip(stack, strips, strict=True):
-        one[: len(strip.logs)] = _local_contrast(strip.logs, scale_mm, grid)
-    return np.array([strip.first for strip in strips], np.intp), stack
+
+    first: int
+    contrast: NDArray[np.int8]
 
 
-def _local_contrast(logs: NDArray[np.float16], scale_mm: float, grid: SurfaceGrid) -> NDArray[np.int8]:
-    seen = np.isfinite(logs)
-    values = np.where(seen, logs, 0).astype(np.float32)
+def on_fine_rows(calibration: EndoscopeCalibration, fine: FineGrid) -> EndoscopeCalibration:
+    """Return ``calibration`` such that frames are unrolled to the samples of ``fine``."""
+    return replace(calibration, grid=fine.samples, row_z_mm=fine.samples.z_mm, oversample=(1, 1))
 
-    def smooth(image: Image, sigma_mm: float) -> Image:
-        return masked_gaussian(image, seen, sigma_mm / grid.dz_mm, sigma_mm / grid.dtheta_mm)
 
-    contrast = smooth(values, scale_mm) - smooth(values, AROUND * scale_mm)
-    spread = np.sqrt(smooth(contrast**2, AROUND * scale_mm)) + np.float32(LEAST_SPREAD)
-    steps = np.clip(np.rint(np.float32(STEPS_A_SPREAD) * contrast / spread), -127, 127)
-    return np.where(seen, steps, UNKNOWN).astype(np.int8)
+def fine_strip(frame: Frame, on_samples: EndoscopeCalibration) -> Strip:
+    """Return what ``frame`` shows, on the samples of a calibration by :func:`on_fine_rows`."""
+    strip = unroll_frame(frame, on_samples)
+    logs = np.maximum(strip.intensity, np.float32(DARKEST))
+    first = int(np.rint(on_samples.grid.row_of(strip.z_mm[0])))
+    return Strip(first, np.log(logs, out=logs), strip.valid)
+
+
+def texture(strip: Strip, scale_mm: float, grid: SurfaceGrid) -> Texture:
+    """Return the texture of ``strip`` on the scale ``scale_mm``.
+
+    The mean near a sample is by a Gaussian, those of its surroundings by a box that is passed over them twice.
+    """
+    sigma = scale_mm / grid.dtheta_mm, scale_mm / grid.dz_mm
+    near_around, near_along = (cv2.getGaussianKernel(2 * ceil(3 * size) + 1, size, cv2.CV_32F) for size in sigma)
+    box = _box(AROUND * sigma[0]), _box(AROUND * sigma[1])
+    beyond = near_around.size // 2 + 3 * box[0]
+    n_rows, n_columns = strip.logs.shape
+    shape = n_rows, n_columns + 2 * beyond
+
+    def padded(name: str, image: NDArray[Any]) -> NDArray[Any]:
+        wide = _ROOM.array(name, shape, image.dtype)
+        cv2.copyMakeBorder(image, 0, 0, beyond, beyond, cv2.BORDER_WRAP, dst=wide)
+        return wide
+
+    def mean_near(name: str, image: Image) -> Image:
+        smooth = _ROOM.array(name, shape)
+        cv2.sepFilter2D(image, cv2.CV_32F, near_around, near_along, dst=smooth, borderType=cv2.BORDER_REPLICATE)
+        return smooth
+
+    def mean_around(name: str, image: Image) -> Image:
+        smooth = _ROOM.array(name, shape)
+        cv2.blur(image, box, dst=smooth, borderType=cv2.BORDER_REPLICATE)
+        cv2.blur(smooth, box, dst=smooth, borderType=cv2.BORDER_REPLICATE)
+        return smooth
+
+    logs, seen = padded("logs", strip.logs), padded("seen", strip.seen.view(np.uint8))
+    weight = _ROOM.array("weight", shape)
+    np.copyto(weight, seen)
+    np.multiply(logs, weight, out=logs)
+    share_near, share_around = mean_near("share near", weight), mean_around("share around", weight)
+    contrast, around = mean_near("contrast", logs), mean_around("around", logs)
+    square = logs
+    _contrast(contrast, around, seen, (share_near, share_around), square)
+    steps = np.empty(strip.logs.shape, np.int8)
+    _in_spreads(contrast, mean_around("around", square), seen, share_around, beyond, steps)
+    return Texture(strip.first, steps)
+
+
+def _box(sigma_px: float) -> int:
+    """Return the width of the box that, passed over twice, spreads like a Gaussian."""
+    return 2 * max(1, round((sqrt(6 * sigma_px**2 + 1) - 1) / 2)) + 1
+
+
+@compiled
+def _contrast(near: Image, around: Image, seen: NDArray[np.uint8], shares: tuple[Image, Image], square: Image) -> None:
+    """Turn means ``near`` samples into their contrast with those ``around``, 0 where unseen; write its ``square``."""
+    share_near, share_around = shares
+    for i in range(near.shape[0]):
+        for j in range(near.shape[1]):
+            # what is seen has a share of itself
+            contrast = (
+                near[i, j] / share_near[i, j] - around[i, j] / share_around[i, j] if seen[i, j] else np.float32(0)
+            )
+            near[i, j] = contrast
+            square[i, j] = contrast * contrast
+
+
+@compiled
+def _in_spreads(
+    contrast: Image,
+    square: Image,
+    seen: NDArray[np.uint8],
+    share: Image,
+    beyond: int,
+    steps: NDArray[np.int8],
+) -> None:
+    """Write ``contrast`` in steps of its spread; 0 means unknown, so none of them is 0."""
+    for i in range(steps.shape[0]):
+        for j in range(steps.shape[1]):
+            b = j + beyond
+            if seen[i, b]:
+                spread = np.sqrt(max(square[i, b], np.float32(0)) / share[i, b]) + np.float32(LEAST_SPREAD)
+                step = min(max(np.float32(STEPS_A_SPREAD) * contrast[i, b] / spread, np.float32(-127)), np.float32(127))
+                steps[i, j] = np.int8(step + (np.float32(1) if step >= 0 else np.float32(-1)) * np.float32(0.5))
+                if steps[i, j] == 0:
+                    steps[i, j] = 1
+            else:
+                steps[i, j] = UNKNOWN
+
+
+def stacked(textures: Sequence[Texture], room: Room) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
+    """Return the first row of every texture, (n,), and all of them, int8 (n, n_rows, n_columns), an array of ``room``.
+
+    Shorter ones end in ``UNKNOWN``.
+    """
+    longest = max((len(one.contrast) for one in textures), default=0)
+    n_columns = textures[0].contrast.shape[1] if textures else 0
+    stack = room.array("textures", (len(textures), longest, n_columns), np.int8)
+    for here, one in zip(stack, textures, strict=True):
+        here[: len(one.contrast)] = one.contrast
+        here[len(one.contrast) :] = UNKNOWN
+    return np.array([one.first for one in textures], np.intp), stack

@@ -1,0 +1,76 @@
+"""Local contrast of frames: what it keeps of them, and what it leaves out."""
+
+import numpy as np
+import pytest
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.compute.memory import Room
+from endoct.modalities.endoscope.parallax.views import (
+    LEAST_SPREAD,
+    STEPS_A_SPREAD,
+    UNKNOWN,
+    Strip,
+    Texture,
+    stacked,
+    texture,
+)
+from endoct.stitching.grid import SurfaceGrid
+
+N_ROWS, N_COLUMNS = 80, 256
+SCALE_MM = 0.01
+GRID = SurfaceGrid.full_circle(N_ROWS, N_COLUMNS, z0_mm=0.0, dz_mm=0.005, radius_mm=0.005 * N_COLUMNS / (2 * np.pi))
+EVERYWHERE = np.ones((N_ROWS, N_COLUMNS), np.bool_)
+
+
+def of(logs: Image, seen: Mask = EVERYWHERE) -> Image:
+    return texture(Strip(7, logs.astype(np.float32), seen), SCALE_MM, GRID).contrast.astype(np.float32)
+
+
+@pytest.fixture
+def logs() -> Image:
+    return np.random.default_rng(8).normal(-1.5, 3, (N_ROWS, N_COLUMNS)).astype(np.float32)
+
+
+def test_neither_light_nor_contrast_nor_shade_counts(logs: Image) -> None:
+    shade = 0.5 * np.sin(2 * np.pi * np.arange(N_COLUMNS) / N_COLUMNS, dtype=np.float32)
+    plain = of(logs)
+    assert np.abs(of(logs + 2) - plain).max() <= 1
+    assert np.abs(of(4 * logs) - plain).mean() < 0.1 * np.abs(plain).mean()
+    assert np.abs(of(logs + shade) - plain).mean() < 0.02 * np.abs(plain).mean()
+    assert 0.7 * STEPS_A_SPREAD < plain.std() < 1.3 * STEPS_A_SPREAD
+
+
+def test_bright_is_above_0_and_turning_turns_it(logs: Image) -> None:
+    spot = np.zeros_like(logs)
+    spot[40, 2] = 1
+    assert of(spot)[40, 2] > STEPS_A_SPREAD
+    assert of(spot)[40, 8] < 0
+    assert of(spot)[46, 2] < 0
+    np.testing.assert_array_equal(of(np.roll(logs, 100, axis=1)), np.roll(of(logs), 100, axis=1))
+
+
+def test_where_nothing_varies_nothing_stands_out(logs: Image) -> None:
+    faint = 0.1 * LEAST_SPREAD * logs
+    assert np.abs(of(faint)).mean() < 0.2 * np.abs(of(logs)).mean()
+
+
+def test_it_is_unknown_where_unseen_and_only_there_and_tells_nothing_of_it(logs: Image) -> None:
+    seen = EVERYWHERE.copy()
+    seen[30:50, 250:] = seen[30:50, :30] = seen[:2] = False
+    steps = of(logs, seen)
+    np.testing.assert_array_equal(steps == UNKNOWN, ~seen)
+    np.testing.assert_array_equal(of(np.where(seen, logs, 40), seen), steps)
+    assert (of(np.full_like(logs, -2.0), seen)[seen] != UNKNOWN).all()
+    assert np.abs(of(np.full_like(logs, -2.0), seen)).max() <= 1  # an edge of what is seen is none of the wall
+    assert steps[seen].std() == pytest.approx(STEPS_A_SPREAD, rel=0.3)
+
+
+def test_shorter_strips_end_in_the_unknown() -> None:
+    long, short = (Texture(first, np.full((n, 4), n, np.int8)) for first, n in ((3, 5), (9, 2)))
+    room = Room()
+    room.array("textures", (2, 5, 4), np.int8)[:] = 99
+    first, stack = stacked([long, short], room)
+    assert first.tolist() == [3, 9]
+    assert stack.shape == (2, 5, 4)
+    assert (stack[0] == 5).all()
+    assert stack[1, :, 0].tolist() == [2, 2, UNKNOWN, UNKNOWN, UNKNOWN]
