@@ -29,6 +29,7 @@ from endoct.workbench.pipeline.hand_masks import (
     write_drawings,
     write_mask,
 )
+from endoct.workbench.pipeline.recipes import with_recipe
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -115,10 +116,11 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
 
 def _given(request: CompareRequest) -> Given:
     """Return what a request states. Raises :class:`EndoctError` for a setting that cannot be used."""
-    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
+    settings = with_recipe(request.recipe, "compare", parse(request.settings))
+    parameters = validate(CompareParameters, settings, "the settings of the comparison")
     sources = (
-        source_of(request.a, request.modality_a, request.settings_a, request.device),
-        source_of(request.b, request.modality_b, request.settings_b, request.device),
+        source_of(request.a, request.modality_a, request.settings_a, request.device, request.recipe),
+        source_of(request.b, request.modality_b, request.settings_b, request.device, request.recipe),
     )
     session = None if request.session is None else Path(request.session)
     return Given(sources, parameters, tuple(Path(path) for path in request.truth), session)
