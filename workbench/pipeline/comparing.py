@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
@@ -43,10 +44,12 @@ from endoct.workbench.pipeline.sources import (
 from endoct.workbench.pipeline.unrolling import Unrolled, copy_sample_frames, save_sample_frames
 from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
-from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.outputs import json_text, versions
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, Task
+
+if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
+    from endoct.workbench.requests import CompareRequest
 
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
@@ -75,7 +78,7 @@ class Given:
         return *(source.path for source in self.sources if source.path is not None), *self.also
 
 
-def compare_sources(request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
+def compare_sources(request: "CompareRequest", output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
     Raises :class:`EndoctError` where a side or a setting cannot be used, an input changes while it is read, or the
@@ -114,7 +117,7 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
     return comparison
 
 
-def _given(request: CompareRequest) -> Given:
+def _given(request: "CompareRequest") -> Given:
     """Return what a request states. Raises :class:`EndoctError` for a setting that cannot be used."""
     settings = with_recipe(request.recipe, "compare", parse(request.settings))
     parameters = validate(CompareParameters, settings, "the settings of the comparison")

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.requests import RecipeName
 
-RECIPES: Mapping[RecipeName, Mapping[str, Mapping[str, object]]] = MappingProxyType(
+if TYPE_CHECKING:
+    from endoct.workbench.requests import RecipeName
+
+RECIPES: "Mapping[RecipeName, Mapping[str, Mapping[str, object]]]" = MappingProxyType(
     {
         # Laves et al. 2019: a B-scan shifted by its sine, the index of its maximum for depth, no correction of uneven
         # rotation, and Li's threshold; frames are unrolled and stitched as they are here anyway
@@ -34,7 +37,7 @@ RECIPES: Mapping[RecipeName, Mapping[str, Mapping[str, object]]] = MappingProxyT
 """Settings by recipe, then by modality; those of the comparison itself under "compare"."""
 
 
-def with_recipe(recipe: RecipeName | None, part: str, settings: Mapping[str, object]) -> dict[str, object]:
+def with_recipe(recipe: "RecipeName | None", part: str, settings: Mapping[str, object]) -> dict[str, object]:
     """Return the settings of a ``recipe`` for a modality, or for "compare", with ``settings`` in place of its own.
 
     Raises :class:`EndoctError` where there is no such recipe, or it says nothing of that modality.
@@ -42,7 +45,7 @@ def with_recipe(recipe: RecipeName | None, part: str, settings: Mapping[str, obj
     return {**_of(recipe, part), **settings}
 
 
-def check_made_by(recipe: RecipeName | None, panorama: Panorama) -> None:
+def check_made_by(recipe: "RecipeName | None", panorama: Panorama) -> None:
     """Raise :class:`EndoctError` unless ``panorama`` was unrolled by the ``recipe`` that is asked for, if one is."""
     made_with = panorama.provenance.get("parameters")
     known = made_with if isinstance(made_with, Mapping) else {}
@@ -55,7 +58,7 @@ def check_made_by(recipe: RecipeName | None, panorama: Panorama) -> None:
         )
 
 
-def _of(recipe: RecipeName | None, part: str) -> Mapping[str, object]:
+def _of(recipe: "RecipeName | None", part: str) -> Mapping[str, object]:
     if recipe is None:
         return {}
     if recipe not in RECIPES:

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -39,10 +39,12 @@ from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
-from endoct.workbench.requests import RecipeName, UnrollRequest
 from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.scheduler import Scheduler, in_background
+
+if TYPE_CHECKING:  # else the process that unrolls the second side would load what reads command lines
+    from endoct.workbench.requests import RecipeName, UnrollRequest
 
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Pictures of frames are taken at these shares of the recording's length."""
@@ -94,7 +96,7 @@ def open_recording(
     path: Path,
     *,
     modality: str | None = None,
-    recipe: RecipeName | None = None,
+    recipe: "RecipeName | None" = None,
     settings: Mapping[str, object] | None = None,
     device: Device = "cpu",
 ) -> Recording:
@@ -183,7 +185,7 @@ def _read_once(
     return cast(ReadingOnce[Any, Any], implementation).reading_once(stream, parameters)
 
 
-def unroll_source(request: UnrollRequest, store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
+def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
     """Unroll a recording, and write everything `endoct unroll` promises into ``store`` where one is given.
 
     Raises :class:`EndoctError` where the recording cannot be used or shows no wall, or the modality has no volume.
