@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
+from endoct.workbench.pipeline.recipes import RECIPES
 
 HEAD = """<!-- Made by python docs/settings.py from the parameters themselves; do not edit. -->
 
@@ -26,6 +27,13 @@ PARTS: dict[str, type[BaseModel]] = {
     "An OCT recording: `endoct unroll … --set`, `endoct compare … --set-a`, `--set-b`": OctParameters,
     "An endoscope's recording: likewise": EndoscopeParameters,
 }
+RECIPES_HEAD = """## Recipes
+
+`--recipe NAME` of `endoct compare` and `endoct unroll` stands for these settings. What is set besides wins over them.
+
+| recipe | of | settings |
+|---|---|---|"""
+PARTS_OF_RECIPES = {"oct": "an OCT recording", "endoscope": "an endoscope's recording", "compare": "the comparison"}
 
 
 def table() -> str:
@@ -37,7 +45,12 @@ def table() -> str:
             default = "" if field.default is None else f"`{str(field.default).lower()}`"
             blocks.append(f"| `{name}` | {default} | {_description(field).replace('|', chr(92) + '|')} |")
         blocks.append("")
-    return "\n".join(blocks)
+    blocks.append(RECIPES_HEAD)
+    for name, parts in RECIPES.items():
+        for part, settings in parts.items():
+            said = ", ".join(f"`{key}={str(value).lower()}`" for key, value in settings.items())
+            blocks.append(f"| `{name}` | {PARTS_OF_RECIPES[part]} | {said or 'as they are anyway'} |")
+    return "\n".join(blocks) + "\n"
 
 
 def _description(field: FieldInfo) -> str:

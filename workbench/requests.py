@@ -19,6 +19,7 @@ from endoct.synthetic.sample.presets import PresetName
 UNSET = arg(help_behavior_hint="")
 """For an option without a value. Its help names no default, since its sentence says what holds then."""
 FormatName = Literal["ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv"]
+RecipeName = Literal["paper"]
 OmeVersion = Literal["0.5", "0.4"]
 P = ParamSpec("P")
 Request = TypeVar("Request")
@@ -55,6 +56,7 @@ else:
 Output = Annotated[AnyPath, arg(aliases=["-o"])]
 OutputPath = Annotated[Path, arg(aliases=["-o"])]
 ModalityName = Annotated[str | None, arg(metavar="NAME"), UNSET]
+Recipe = Annotated[RecipeName | None, UNSET]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,7 @@ class UnrollRequest:
         path: folder or file of the recording
         output: Zarr store to write
         modality: plug-in to read it with, where the sidecar does not say
+        recipe: settings by one word; paper: the chain of Laves et al. 2019. What is set besides wins over it
         settings: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
         device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
@@ -77,6 +80,7 @@ class UnrollRequest:
     output: Annotated[Output | None, UNSET] = None
     _: KW_ONLY
     modality: ModalityName = None
+    recipe: Recipe = None
     settings: Annotated[Settings, arg(name="set")] = ()
     volume: bool = False
     device: Device = "cpu"
@@ -119,6 +123,8 @@ class CompareRequest:
             the others check it
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
+        recipe: settings by one word; paper: the chain of Laves et al. 2019, for both sides and the comparison. What is
+            set besides wins over it
         settings: a parameter of the comparison; repeat for more
         settings_a: a key of side A's sidecar or a parameter of its processing
         settings_b: a key of side B's sidecar or a parameter of its processing
@@ -136,6 +142,7 @@ class CompareRequest:
     session: Annotated[AnyPath | None, UNSET] = None
     modality_a: ModalityName = None
     modality_b: ModalityName = None
+    recipe: Recipe = None
     settings: Annotated[Settings, arg(name="set")] = ()
     settings_a: Annotated[Settings, arg(name="set-a")] = ()
     settings_b: Annotated[Settings, arg(name="set-b")] = ()

@@ -80,11 +80,13 @@ def _meaning(kind: type, name: str) -> str | None:
 
 def test_a_command_makes_the_request_that_python_makes() -> None:
     words = ["a.zarr", "b.zarr", "-o", "out", "--set", "n_theta=512", "--set-b", "undistort=sine", "--truth", "x", "y"]
+    words += ["--recipe", "paper"]
     typed = tyro.cli(Compare, args=words)
     called = CompareRequest(
         Path("a.zarr"),
         Path("b.zarr"),
         Path("out"),
+        recipe="paper",
         settings={"n_theta": 512},
         settings_b={"undistort": "sine"},
         truth=(Path("x"), Path("y")),

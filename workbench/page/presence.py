@@ -8,13 +8,17 @@ import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-from starlette.requests import Request
-from starlette.responses import Response
+from typing import TYPE_CHECKING
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import output_digest, small_files
 from endoct.base.files.files import held_folder
+
+if TYPE_CHECKING:  # whoever writes a page serves none
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+    Answer = Callable[[Request], Response]
 
 NAMED = "of"
 """The part of an address that says which output is meant, by its digest."""
@@ -66,7 +70,7 @@ class Origin:
                 remedy=error.remedy.replace(str(folder), str(self.folder)),
             ) from error
 
-    def check_named(self, request: Request) -> None:
+    def check_named(self, request: "Request") -> None:
         """Raise :class:`Gone` where a request names another output than this."""
         if request.query_params.get(NAMED, self.digest) != self.digest:
             raise gone(self.folder)
@@ -79,12 +83,12 @@ def gone(folder: Path) -> Gone:
     )
 
 
-def concerning(origin: Origin) -> Callable[[Callable[[Request], Response]], Callable[[Request], Response]]:
+def concerning(origin: Origin) -> "Callable[[Answer], Answer]":
     """Have a function that answers requests answer from ``origin`` or, raising :class:`Gone`, not at all."""
 
-    def decorate(answer: Callable[[Request], Response]) -> Callable[[Request], Response]:
+    def decorate(answer: "Answer") -> "Answer":
         @functools.wraps(answer)
-        def checked(request: Request) -> Response:
+        def checked(request: "Request") -> "Response":
             origin.check_named(request)
             try:
                 response = answer(request)

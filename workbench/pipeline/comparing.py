@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
@@ -30,6 +31,7 @@ from endoct.workbench.pipeline.hand_masks import (
     write_drawings,
     write_mask,
 )
+from endoct.workbench.pipeline.recipes import with_recipe
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.sources import (
     Ready,
@@ -43,10 +45,12 @@ from endoct.workbench.pipeline.sources import (
 from endoct.workbench.pipeline.unrolling import TRAVEL_BY_DEFAULT, Unrolled, copy_sample_frames, save_sample_frames
 from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
-from endoct.workbench.requests import CompareRequest
 from endoct.workbench.running.outputs import json_text, versions
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, Task
+
+if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
+    from endoct.workbench.requests import CompareRequest
 
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
@@ -75,7 +79,7 @@ class Given:
         return *(source.path for source in self.sources if source.path is not None), *self.also
 
 
-def compare_sources(request: CompareRequest, output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
+def compare_sources(request: "CompareRequest", output: Path | None, stages: Stages, scheduler: Scheduler) -> Comparison:
     """Compare two sides, and write everything `endoct compare` promises into ``output`` where one is given.
 
     Raises :class:`EndoctError` where a side or a setting cannot be used, an input changes while it is read, or the
@@ -123,12 +127,13 @@ def compare_sources(request: CompareRequest, output: Path | None, stages: Stages
     return comparison
 
 
-def _given(request: CompareRequest) -> Given:
+def _given(request: "CompareRequest") -> Given:
     """Return what a request states. Raises :class:`EndoctError` for a setting that cannot be used."""
-    parameters = validate(CompareParameters, parse(request.settings), "the settings of the comparison")
+    settings = with_recipe(request.recipe, "compare", parse(request.settings))
+    parameters = validate(CompareParameters, settings, "the settings of the comparison")
     sources = (
-        source_of(request.a, request.modality_a, request.settings_a, request.device),
-        source_of(request.b, request.modality_b, request.settings_b, request.device),
+        source_of(request.a, request.modality_a, request.settings_a, request.device, request.recipe),
+        source_of(request.b, request.modality_b, request.settings_b, request.device, request.recipe),
     )
     session = None if request.session is None else Path(request.session)
     return Given(sources, parameters, tuple(Path(path) for path in request.truth), session)

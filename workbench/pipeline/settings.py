@@ -15,9 +15,9 @@ from pydantic import BaseModel
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import validate
 from endoct.modalities.contract import Manifest
-from endoct.synthetic.sample.ranges import NO_RANGES, Range, check_ranges
 
 if TYPE_CHECKING:
+    from endoct.synthetic.sample.ranges import Range
     from endoct.workbench.requests import Place, Ranges, Settings
 
 
@@ -56,7 +56,7 @@ def split(settings: Mapping[str, object], manifest: Manifest) -> tuple[dict[str,
     return overrides, validate(model, chosen, f"the settings of '{manifest.name}'", also=tuple(sidecar_keys))
 
 
-def parse_vary(entries: "Ranges") -> Mapping[str, Range]:
+def parse_vary(entries: "Ranges") -> "Mapping[str, Range]":
     """Return the ranges of ``entries`` as ``oct.wall_db=6..14`` or ``oct.scan=step|helical`` by "part.name".
 
     A mapping, as Python states it, is returned as it is, and nothing for None.
@@ -65,7 +65,9 @@ def parse_vary(entries: "Ranges") -> Mapping[str, Range]:
     cannot draw.
     """
     if entries is None or isinstance(entries, Mapping):
-        return entries or NO_RANGES
+        return entries or {}
+    from endoct.synthetic.sample.ranges import check_ranges  # brings the simulator's parameters
+
     texts = range_texts(entries, "parameter", "part.name=low..high or part.name=word|word, as oct.wall_db=6..14")
     ranges = {name: numbers(text) or words(text) for name, text in texts.items()}
     check_ranges(ranges)
@@ -105,12 +107,12 @@ def words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split("|"))
 
 
-def range_text(range_: Range) -> str:
+def range_text(range_: "Range") -> str:
     """Return a range as the user would state it."""
     return "..".join(f"{value:g}" for value in range_ if isinstance(value, int | float)) or "|".join(map(str, range_))
 
 
-def ranges_text(ranges: Mapping[str, Range]) -> str:
+def ranges_text(ranges: "Mapping[str, Range]") -> str:
     """Return ranges by name as the user would state them, in the order of their names."""
     return " ".join(f"{name}={range_text(ranges[name])}" for name in sorted(ranges)) or "nothing"
 

@@ -25,13 +25,14 @@ from endoct.modalities.device import Device
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama, load_panorama
+from endoct.workbench.pipeline.recipes import check_made_by
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.unrolling import Recording, Unrolled, open_recording, unroll_recording
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
 
 if TYPE_CHECKING:
-    from endoct.workbench.requests import Recorded, Settings
+    from endoct.workbench.requests import RecipeName, Recorded, Settings
 
 Opened = Recording | Panorama | DrawnMask | Path
 """A source that is known to be usable; a path is that of a mask, which may need the panorama that it was drawn on."""
@@ -41,12 +42,16 @@ Ready = Unrolled | Panorama | DrawnMask | Path
 
 @dataclass(frozen=True)
 class Source:
-    """Where one side of a comparison comes from: a path, or a panorama at hand; ``device``: where to unroll it."""
+    """Where one side of a comparison comes from: a path, or a panorama at hand; ``device``: where to unroll it.
+
+    ``settings`` win over those of the ``recipe``.
+    """
 
     given: Path | Panorama
     modality: str | None
     settings: Mapping[str, object]
     device: Device = "cpu"
+    recipe: "RecipeName | None" = None
 
     @property
     def path(self) -> Path | None:
@@ -54,9 +59,15 @@ class Source:
         return self.given if isinstance(self.given, Path) else None
 
 
-def source_of(given: "Recorded", modality: str | None, settings: "Settings", device: Device) -> Source:
+def source_of(
+    given: "Recorded",
+    modality: str | None,
+    settings: "Settings",
+    device: Device,
+    recipe: "RecipeName | None" = None,
+) -> Source:
     """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
-    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device)
+    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device, recipe)
 
 
 def open_both(sources: tuple[Source, Source]) -> tuple[Opened, Opened]:
@@ -159,14 +170,21 @@ def open_source(source: Source) -> Opened:
             expected="settings for recordings only",
             remedy="leave them out, or compare the recording itself",
         )
-    if isinstance(source.given, Panorama):
-        return stored_mask(source.given) or source.given
-    if unrolled:
-        panorama = load_panorama(source.given)
-        return stored_mask(panorama) or panorama
+    if isinstance(source.given, Panorama) or unrolled:
+        panorama = source.given if isinstance(source.given, Panorama) else load_panorama(source.given)
+        drawn = stored_mask(panorama)
+        if drawn is None:
+            check_made_by(source.recipe, panorama)
+        return drawn or panorama
     if mask:
         return source.given
-    return open_recording(source.given, modality=source.modality, settings=source.settings, device=source.device)
+    return open_recording(
+        source.given,
+        modality=source.modality,
+        recipe=source.recipe,
+        settings=source.settings,
+        device=source.device,
+    )
 
 
 def _radius_mm(opened: Opened) -> float | None:

@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -34,14 +34,17 @@ from endoct.modalities.illustration import illustrated
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.stitching.panorama import Panorama, doubts_of_observed
 from endoct.stitching.store import save_notes, save_panorama
+from endoct.workbench.pipeline.recipes import with_recipe
 from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
-from endoct.workbench.requests import UnrollRequest
 from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.scheduler import Scheduler, in_background
+
+if TYPE_CHECKING:  # else the process that unrolls the second side would load what reads command lines
+    from endoct.workbench.requests import RecipeName, UnrollRequest
 
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Pictures of frames are taken at these shares of the recording's length."""
@@ -93,16 +96,22 @@ class Watched:
 
 
 def open_recording(
-    path: Path, *, modality: str | None = None, settings: Mapping[str, object] | None = None, device: Device = "cpu"
+    path: Path,
+    *,
+    modality: str | None = None,
+    recipe: "RecipeName | None" = None,
+    settings: Mapping[str, object] | None = None,
+    device: Device = "cpu",
 ) -> Recording:
     """Open the recording at ``path`` without unrolling it.
 
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters; ``device`` is where to compute what the
-    plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError` where the recording, its sidecar or a
-    setting cannot be used.
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters, in place of those of the ``recipe``;
+    ``device`` is where to compute what the plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError`
+    where the recording, its sidecar, the recipe or a setting cannot be used.
     """
     files = state_of(path)  # taken before any of it is read
-    overrides, parameters = split(settings or {}, registry.manifest_for(path, modality))
+    of_path = registry.manifest_for(path, modality)
+    overrides, parameters = split(with_recipe(recipe, of_path.name, settings or {}), of_path)
     manifest, stream = registry.open_recording(path, modality=modality, overrides=overrides, device=device)
     return Recording(path, files, manifest, stream, parameters, device)
 
@@ -186,13 +195,17 @@ def _read_once(
     return cast(ReadingOnce[Any, Any], implementation).reading_once(stream, parameters)
 
 
-def unroll_source(request: UnrollRequest, store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
+def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:
     """Unroll a recording, and write everything `endoct unroll` promises into ``store`` where one is given.
 
     Raises :class:`EndoctError` where the recording cannot be used or shows no wall, or the modality has no volume.
     """
     recording = open_recording(
-        Path(request.path), modality=request.modality, settings=parse(request.settings), device=request.device
+        Path(request.path),
+        modality=request.modality,
+        recipe=request.recipe,
+        settings=parse(request.settings),
+        device=request.device,
     )
     unrolled = unroll_recording(recording, stages)
     panorama = unrolled.panorama

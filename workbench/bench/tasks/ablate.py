@@ -19,6 +19,7 @@ from endoct.workbench.bench.tasks.comparison import (
     own_cases,
     simulated_case,
 )
+from endoct.workbench.pipeline.recipes import RECIPES
 
 MAIN = "main"
 EVEN_TURNS: PartSettings = {
@@ -43,7 +44,7 @@ class Step:
 
 STEPS: Mapping[str, Step] = {
     MAIN: Step("everything as it is"),
-    "literal": Step("the paper's chain for the OCT", oct={"undistort": "sine", "wall": "maximum", **EVEN_TURNS}),
+    "literal": Step("the paper's chain for the OCT", oct=RECIPES["paper"]["oct"]),
     "no-turning": Step("turns are taken for even, whole and starting at one angle", oct=EVEN_TURNS),
     "no-circle": Step("undistort by the sine, not by the circle off the axis", oct={"undistort": "sine"}),
     "no-edge": Step("the wall is the brightest sample, not the first edge", oct={"wall": "maximum"}),
