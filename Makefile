@@ -37,6 +37,7 @@ demo: $(VENV)/.ready-run
 
 # Each process begins with its half of the list, so that what a folder's tests share is made once; who is done helps
 test: $(VENV)/.ready-dev
+	@echo "Both processes look for the tests first (half a minute); then each dot is a test"
 	$(RUN) pytest -m "not slow" --numprocesses=2 --dist=worksteal
 
 test-all: $(VENV)/.ready-dev lowest newest

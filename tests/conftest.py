@@ -27,6 +27,18 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def kept_process() -> Iterator[None]:
+    """The second process of every command is the same one."""
+    from kept_process import KeptProcess  # only once tests run: it loads libraries
+
+    kept = KeptProcess()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("endoct.workbench.running.scheduler.worker_process", kept.lent)
+        yield
+    kept.end()
+
+
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """The folder of real recordings; without it the test is skipped."""

@@ -1,21 +1,28 @@
 """Runs the code blocks of a Markdown page in order, in one folder, and checks what they print.
 
-``bash`` and ``python`` blocks are run. A ``text`` block right after one is what it prints: ``...`` stands for any text
-and white space does not count. Whole numbers must be the same, others may differ by one in the last digit shown: what a
-sample more or less changes from processor to processor.
+``bash`` and ``python`` blocks are run: the first one by the shell, as a reader does it. Later ones that are a command
+of endoct alone are run within this process, which has its libraries already. A ``text`` block right after one is what
+it prints: ``...`` stands for any text and white space does not count. Whole numbers must be the same, others may differ
+by one in the last digit shown: what a sample more or less changes from processor to processor.
 """
 
 import contextlib
 import io
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from sybil import Document, Example
 from sybil.parsers.markdown import CodeBlockParser
 
+from endoct.workbench.cli import main
+
+COMMAND = re.compile(r"[^\n|;&<>$`*?~]+\n?")
+"""A line in which a shell would do no more than tell its words apart."""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -35,11 +42,27 @@ def run_page(page: Path, folder: Path) -> int:
 
 
 def _run_bash(example: Example) -> None:
+    words = shlex.split(example.parsed, comments=True)
+    if "_printed" in example.namespace and words[0] == "endoct" and COMMAND.fullmatch(example.parsed):
+        _run_here(example, words)
+        return
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     bash = ["bash", "-euo", "pipefail", "-c", example.parsed]
     done = subprocess.run(bash, env=environment, capture_output=True, encoding="utf-8", check=False)
     assert done.returncode == 0, f"{_place(example)}: exit status {done.returncode}\n{example.parsed}\n{done.stderr}"
     example.namespace["_printed"] = done.stdout
+
+
+def _run_here(example: Example, words: list[str]) -> None:
+    printed, said = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
+        patch.setattr("sys.argv", words)
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert not ended.value.code, (
+        f"{_place(example)}: exit status {ended.value.code}\n{example.parsed}\n{said.getvalue()}"
+    )
+    example.namespace["_printed"] = printed.getvalue()
 
 
 def _run_python(example: Example) -> None:
