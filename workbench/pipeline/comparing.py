@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from endoct.base.compute.memory import give_back
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import compare_sides
@@ -105,6 +106,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
+    give_back()
     unpictured: Mapping[str, tuple[str, ...]] = {}
     if folder is not None:
         with stages.stage("write"):

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from safetensors import SafetensorError
@@ -54,7 +54,7 @@ class Eye(nn.Module):
             images = finer(avg_pool2d(images, 2) if level else images)
             finer_images.append(images)
         for coarser, beside in zip(self.up, finer_images[-2::-1], strict=True):
-            first, second = coarser
+            first, second = cast(nn.Sequential, coarser)
             images = second(first(interpolate(images, scale_factor=2, mode="nearest"), beside))
         logits: Tensor = self.out(images)[:, 0, :n_z]
         return logits
@@ -66,12 +66,13 @@ def bordered(images: Sequence[Tensor]) -> Tensor:
     Around, it is the other end of the circle; along z, the first and the last row once more. This is one copy, where
     joining them and two paddings would be four.
     """
-    channels = [image.shape[1] for image in images]
     batch, _, n_z, n_theta = images[0].shape
-    size, like = (batch, sum(channels), n_z + 2, n_theta + 2), images[0]
+    size, like = (batch, sum(image.shape[1] for image in images), n_z + 2, n_theta + 2), images[0]
     whole = torch.empty(size, dtype=like.dtype, device=like.device, memory_format=torch.channels_last)
-    for part, image in zip(whole.split(channels, dim=1), images, strict=True):
-        part[:, :, 1:-1, 1:-1] = image
+    first = 0
+    for image in images:
+        whole[:, first : first + image.shape[1], 1:-1, 1:-1] = image
+        first += image.shape[1]
     whole[:, :, :, 0], whole[:, :, :, -1] = whole[:, :, :, -2], whole[:, :, :, 1]
     whole[:, :, 0], whole[:, :, -1] = whole[:, :, 1], whole[:, :, -2]
     return whole
