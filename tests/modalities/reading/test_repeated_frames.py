@@ -128,7 +128,7 @@ COLOUR = RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8)
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"),
+    ("image", "other", "same"),
     [
         (GREY, GREY.copy(), True),
         (GREY, GREY + 1, False),
@@ -144,9 +144,11 @@ COLOUR = RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8)
         (GREY.astype(np.float32), GREY, True),
     ],
 )
-def test_pictures_are_the_same_whatever_they_are_stored_as(one: NDArray[Any], other: NDArray[Any], same: bool) -> None:
-    assert same_picture(one, other) is same
-    assert same_picture(other, one) is same
+def test_pictures_are_the_same_whatever_they_are_stored_as(
+    image: NDArray[Any], other: NDArray[Any], same: bool
+) -> None:
+    assert same_picture(image, other) is same
+    assert same_picture(other, image) is same
 
 
 @pytest.mark.parametrize("differs", [0, 1, 2, None])
