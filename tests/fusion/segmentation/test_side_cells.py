@@ -1,5 +1,8 @@
 """Which of two answers stays, the eye's or the threshold's, and why: each put in by hand."""
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -58,3 +61,40 @@ def test_an_eye_that_is_not_asked_says_nothing(
     monkeypatch.setattr(side_cells, "find_cells", lambda *_: answer("rules", SHARE_DOUBT))
     found = segment_side(SIDE, SegmentParameters(), "dark")
     assert (found.of, found.doubts) == (of, (SHARE_DOUBT,))
+
+
+def test_only_what_does_not_know_its_cells_says_how_their_brightness_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[object, ...]] = []
+
+    def found(*given: object) -> Segmentation:
+        asked.append(given)
+        return answer("rules")
+
+    monkeypatch.setattr(side_cells, "find_cells", found)
+    off = SegmentParameters(eye="off")
+    segment_side(SIDE, off, "bright", "a correlation")
+    segment_side(SHALLOW, off, "bright", "a correlation")
+    (_, _, by_light, _), (_, _, by_depth, _) = asked
+    assert (by_light, by_depth) == ("a correlation", None)
+
+
+DEEP = Side("oct", replace(SIDE.panorama, depth_mm=(1 - LIGHT).astype(np.float32), modality="oct"))
+SHALLOW = Side("oct", replace(SIDE.panorama, depth_mm=LIGHT, modality="oct"))
+
+
+@pytest.mark.parametrize(
+    ("side", "given", "agreement", "expected"),
+    [
+        (SIDE, "bright", 0.5, ("bright", "given")),
+        (DEEP, "bright", -0.5, ("bright", "given")),
+        (SIDE, "auto", 0.5, ("dark", "correlation with the other side's darkness")),
+        (SIDE, "auto", -0.5, ("bright", "correlation with the other side's darkness")),
+        (SIDE, "auto", None, ("dark", "assumed")),
+        (DEEP, "auto", -0.5, ("dark", "correlation with its own relief")),
+        (SHALLOW, "auto", 0.5, ("bright", "correlation with its own relief")),
+    ],
+)
+def test_whether_cells_are_dark(
+    side: Side, given: Literal["auto", "bright"], agreement: float | None, expected: tuple[str, str]
+) -> None:
+    assert side_cells._polarity(side, given, SIDE.evidence, agreement) == expected

@@ -194,7 +194,7 @@ def test_pieces_cover_a_bore_and_overlap(n_z: int) -> None:
     assert len(pieces) == -(-(n_z - 16) // 112)
 
 
-def told_by(
+def answer_along(
     eye: Callable[[torch.Tensor], torch.Tensor], values: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> np.ndarray:
     """What an ``eye`` put in by hand says of ``values`` (n_z,) of darkness along a thin bore, looked at in pieces."""
@@ -212,7 +212,7 @@ RISE = np.linspace(0.05, 0.95, 500)
 
 def test_pieces_lie_where_they_were_cut_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """An eye that repeats what it is shown returns all of it, to the last row."""
-    told = told_by(lambda shown: shown.clamp(0.01, 0.99), RISE, monkeypatch)
+    told = answer_along(lambda shown: shown.clamp(0.01, 0.99), RISE, monkeypatch)
     np.testing.assert_allclose(told, np.repeat(RISE[:, None], 24, axis=1), atol=0.004)
 
 
@@ -221,7 +221,7 @@ def test_pieces_fade_into_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
 
     From piece to piece lie at most 136 rows of 1000, 0.13 of the rise; without fading that is a jump.
     """
-    told = told_by(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE, monkeypatch)[:, 0]
+    told = answer_along(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE, monkeypatch)[:, 0]
     steps = np.diff(told)
     assert told[0] == pytest.approx(0.05, abs=0.002)
     assert told[:20] == pytest.approx(told[0], abs=1e-6)  # the first piece alone
@@ -231,7 +231,7 @@ def test_pieces_fade_into_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_of_a_bore_that_is_one_piece_nothing_fades(monkeypatch: pytest.MonkeyPatch) -> None:
-    told = told_by(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE[:60], monkeypatch)
+    told = answer_along(lambda shown: shown[:, :1, :1].expand(shown.shape).clamp(0.01, 0.99), RISE[:60], monkeypatch)
     assert told == pytest.approx(0.05, abs=1e-6)
 
 
