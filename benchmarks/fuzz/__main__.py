@@ -29,7 +29,7 @@ def main() -> int:
         nonlocal printed
         if time.monotonic() - printed > 10:
             printed = time.monotonic()
-            done = sum(sum(ends.values()) for ends in account.ends.values())
+            done = sum(sum(ends.values()) - ends["entered"] for ends in account.ends.values())
             print(f"{printed - begun:.0f} s: {done} cases, {account.n_findings} findings", file=sys.stderr)
 
     batches = plan_cases(options.count, options.reader or list(READERS))
