@@ -13,9 +13,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.fuzz.account_tables import groups
-from benchmarks.fuzz.campaign import plan_cases, run
-from benchmarks.fuzz.outcome import READ, REFUSED, outcome_of
+from benchmarks.fuzz import case_process
+from benchmarks.fuzz.account_tables import groups, kinds, table
+from benchmarks.fuzz.campaign import Account, plan_cases, run
+from benchmarks.fuzz.case_process import Case, Report
+from benchmarks.fuzz.outcome import READ, REFUSED, Outcome, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
 from benchmarks.fuzz.trees import write_tree
 from endoct.base.errors import EndoctError
@@ -85,3 +87,29 @@ def test_what_is_damaged_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
     account = run(plan_cases(1500, QUICK), seed=2019, findings=tmp_path / "findings", seconds=PATIENT_S)
     assert not account.findings, f"\n{groups(account)}"
     assert sum(sum(ends.values()) for ends in account.ends.values()) >= 1400
+
+
+def test_an_account_says_what_was_never_entered() -> None:
+    account = Account()
+    for sound, outcome, entered in (
+        ("flat", Outcome(READ), True),
+        ("deep", Outcome(REFUSED, "x:y", "no"), False),
+        ("deep", Outcome(REFUSED, "x:z", "no"), True),
+    ):
+        account.add(Report(Case("tiff", 1), outcome, sound=sound, entered=entered), None)
+    account.add(Report(Case("video", 1), Outcome(REFUSED, "x:y", "no"), sound="mkv", entered=False), None)
+    assert account.reading_nothing == ["video"]
+    assert table(account).splitlines()[1].split() == ["tiff", "3", "2", "1", "2", "0", "0"]
+    assert kinds(account).splitlines()[1].split() == ["tiff:", "deep", "2", "1", "0"]
+
+
+def test_what_is_refused_as_an_empty_file_is_not_entered(tmp_path: Path) -> None:
+    sound = next(seed for seed in seeds_of("npy") if seed.target)
+    first = case_process._first_check("npy", sound, tmp_path / "empty")
+    assert first == "modalities.reading.recording:open_stack"
+    write_tree(sound.files, tmp_path / "case")
+    target, read = tmp_path / "case" / sound.target, READERS["npy"].read
+    target.write_bytes(bytes(sound.files[sound.target])[:-1])  # type: ignore[arg-type]
+    outcome = outcome_of(read, target, case=tmp_path / "case", seconds=PATIENT_S)
+    assert outcome.kind == REFUSED
+    assert outcome.where != first

@@ -3,7 +3,8 @@
 Each case is made from ``--seed``, the reader and a number alone, so a run can be had again. Whatever is neither read
 nor refused by one ``EndoctError`` of one line is a finding, as is one that takes over 5 s or lifts the peak of resident
 memory by over 1 GB, opens files outside of the case, or ends the process. Findings are stored below ``-o`` and read
-again with ``--replay PATH --reader NAME``. Status 1 where there are any. POSIX only.
+again with ``--replay PATH --reader NAME``. Status 1 where there are any, or where a reader read none of its files.
+The table says how many were entered: not refused where an empty file is. POSIX only.
 """
 
 import argparse
@@ -28,7 +29,7 @@ def main() -> int:
         nonlocal printed
         if time.monotonic() - printed > 10:
             printed = time.monotonic()
-            done = sum(sum(ends.values()) for ends in account.ends.values())
+            done = sum(sum(ends.values()) - ends["entered"] for ends in account.ends.values())
             print(f"{printed - begun:.0f} s: {done} cases, {account.n_findings} findings", file=sys.stderr)
 
     batches = plan_cases(options.count, options.reader or list(READERS))
@@ -37,7 +38,9 @@ def main() -> int:
     if options.output is not None:
         write_account(account, options.output, title)
     print(f"{title}\n\n{table(account)}\n\n{groups(account)}")
-    return 1 if account.n_findings else 0
+    if account.reading_nothing:
+        print(f"\nnothing was read by {', '.join(account.reading_nothing)}")
+    return 1 if account.n_findings or account.reading_nothing else 0
 
 
 def _replay(path: Path, name: str) -> int:

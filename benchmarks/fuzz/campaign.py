@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.fuzz.case_process import Case, Report, try_cases
-from benchmarks.fuzz.outcome import REFUSED, Outcome
+from benchmarks.fuzz.outcome import READ, REFUSED, Outcome
 from benchmarks.fuzz.readers import READERS
 from benchmarks.fuzz.trees import copy_case
 
@@ -29,7 +29,11 @@ Group = tuple[str, str, str]
 
 @dataclass
 class Account:
-    """What came of all cases: by reader how many ended how, and by (reader, kind, where) the findings."""
+    """What came of all cases: by reader how many ended how, and by (reader, kind, where) the findings.
+
+    "entered" are those that were not refused where an empty file is; ``of_sound``: these and how many were read, by
+    reader and by the sound file that was damaged.
+    """
 
     ends: dict[str, Counter[str]] = field(default_factory=dict)
     findings: Counter[Group] = field(default_factory=Counter)
@@ -37,12 +41,19 @@ class Account:
     printed: Counter[str] = field(default_factory=Counter)
     printed_examples: dict[str, str] = field(default_factory=dict)
     refusals: dict[Group, str] = field(default_factory=dict)
+    of_sound: dict[tuple[str, str], Counter[str]] = field(default_factory=dict)
 
     def add(self, report: Report, stored: Path | None) -> None:
         """Count one case."""
         outcome, reader = report.outcome, report.case.reader
         ends = self.ends.setdefault(reader, Counter())
         ends["finding" if outcome.is_finding else outcome.kind] += 1
+        ends["entered"] += report.entered
+        if report.sound:
+            ends_of_sound = self.of_sound.setdefault((reader, report.sound), Counter())
+            ends_of_sound["cases"] += 1
+            ends_of_sound["entered"] += report.entered
+            ends_of_sound["read"] += outcome.kind == READ
         if report.output:
             self.printed[reader] += 1
             self.printed_examples.setdefault(f"{reader}: {re.sub('[0-9]+', '#', report.output[:60])}", report.output)
@@ -53,6 +64,11 @@ class Account:
             self.findings[group] += 1
             if stored is not None or group not in self.examples:
                 self.examples.setdefault(group, []).append((stored, report.case, outcome.message))
+
+    @property
+    def reading_nothing(self) -> list[str]:
+        """The readers that read none of their files: they were tried on nothing but their first check."""
+        return [name for name, ends in self.ends.items() if not ends[READ]]
 
     @property
     def n_findings(self) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 from random import Random
 
 from benchmarks.fuzz.mutate import mutated
-from benchmarks.fuzz.outcome import Outcome, outcome_of
+from benchmarks.fuzz.outcome import REFUSED, Outcome, outcome_of
 from benchmarks.fuzz.readers import READERS, seeds_of
 from benchmarks.fuzz.trees import Entry, Seed, write_tree
 
@@ -36,7 +36,8 @@ class Case:
 class Report:
     """What came of a case; ``output`` is what was written to stdout and stderr meanwhile.
 
-    ``files``: the folder in which a finding's files lie; ``leave``: whether the process ends here.
+    ``files``: the folder in which a finding's files lie; ``leave``: whether the process ends here. ``sound``: the name
+    of the sound case it was made of; ``entered``: whether it was not refused where an empty file is.
     """
 
     case: Case
@@ -44,6 +45,8 @@ class Report:
     output: str = ""
     files: Path | None = None
     leave: bool = False
+    sound: str = ""
+    entered: bool = True
 
 
 def made(case: Case, seed: int) -> tuple[Seed, dict[str, Entry]]:
@@ -76,6 +79,7 @@ def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch:
     resident = _resident_bytes()
     _limit_addresses()
     folder = scratch / "case"
+    first: dict[tuple[str, str], str] = {}
     for case in cases:
         sound, tree = made(case, seed)
         shutil.rmtree(folder, ignore_errors=True)
@@ -90,11 +94,24 @@ def try_cases(connection: Connection, cases: Sequence[Case], seed: int, scratch:
         files = scratch / f"found-{case.reader}-{case.number}" if outcome.is_finding else None
         if files is not None:  # anew, since a reader may have changed what it read
             write_tree(tree, files)
-        connection.send(Report(case, outcome, output, files, leave))
+        key = (case.reader, sound.name)
+        if outcome.kind == REFUSED and key not in first:
+            first[key] = _first_check(case.reader, sound, scratch / "empty")
+        entered = outcome.kind != REFUSED or outcome.where != first[key]
+        connection.send(Report(case, outcome, output, files, leave, sound.name, entered))
         if leave:
             os._exit(0)  # threads that never end would hold an orderly end up
     shutil.rmtree(folder, ignore_errors=True)
     connection.close()
+
+
+def _first_check(name: str, sound: Seed, folder: Path) -> str:
+    """Return where the case is refused whose files are all empty, "" where it is not."""
+    tree: dict[str, Entry] = {path: b"" if isinstance(entry, bytes) else entry for path, entry in sound.files.items()}
+    write_tree(tree, folder)
+    outcome = outcome_of(READERS[name].read, target_of(sound, tree, folder), case=folder, seconds=60.0)
+    shutil.rmtree(folder, ignore_errors=True)
+    return outcome.where if outcome.kind == REFUSED else ""
 
 
 def _warm_up(name: str, folder: Path) -> None:

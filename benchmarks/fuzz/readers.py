@@ -1,7 +1,9 @@
 """Everything of endoct that reads what somebody gives it, each as a function of a path, with its sound files."""
 
+import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -194,6 +196,27 @@ def _exports(path: Path) -> None:
         raise refused[0]
 
 
+def _eye(path: Path) -> None:
+    from endoct.fusion.segmentation.learned.looking import weights_for
+
+    weights_for("endoscope", str(path))
+
+
+def _submissions(path: Path) -> None:
+    from endoct.workbench.bench.published import submission
+    from endoct.workbench.bench.published.standings import read_boards
+
+    for file in path.glob("*.json"):  # whoever forges one seals it
+        with suppress(ValueError, TypeError, OSError, RecursionError):
+            content = json.loads(file.read_bytes())
+            content.pop("digest", None)
+            file.write_text(json.dumps(content | {"digest": submission._digest(content)}))
+    for board in read_boards(path):
+        board.losses()
+        for generator in board.generators:
+            board.standings(generator)
+
+
 def _describe(path: Path) -> None:
     from endoct.workbench.pipeline.information import describe
 
@@ -352,6 +375,8 @@ _ALL = (
         30.0,
         needs="endoct.workbench.exporting",
     ),
+    Reader("eye", _eye, _seeds("seed_models", "eye_seeds"), 2),
+    Reader("submissions", _submissions, _seeds("seed_models", "submission_seeds"), 2),
     Reader("describe", _describe, _seeds("seed_results", "result_seeds", "panorama_seeds"), 2),
     Reader("summary", _summary, _seeds("seed_results", "summary_seeds"), 2),
     Reader("session", try_session, _seeds("seed_results", "session_seeds"), 2, needs="endoct.fusion.files.session"),

@@ -14,6 +14,7 @@ from benchmarks.fuzz.seed_recordings import noise, video
 from benchmarks.fuzz.trees import Seed, read_tree
 
 JPEG_LS, H264 = "1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.102"
+DEFLATED = "1.2.840.10008.1.2.1.99"
 
 
 def dicom_seeds() -> Iterator[Seed]:
@@ -22,7 +23,8 @@ def dicom_seeds() -> Iterator[Seed]:
         with tempfile.TemporaryDirectory() as scratch:
             for number, (one, syntax) in enumerate(made):
                 write(one, Path(scratch) / f"{number}.dcm", syntax)
-            yield Seed(name, "" if len(made) > 1 else "0.dcm", read_tree(Path(scratch)))
+            target = "" if len(made) > 1 else "0.dcm"
+            yield Seed(name, target, read_tree(Path(scratch)), refused="deflated" in name)
 
 
 def _dicom() -> dict[str, list[tuple[Any, str]]]:
@@ -54,6 +56,7 @@ def _dicom() -> dict[str, list[tuple[Any, str]]]:
         "endoscope ybr": [(_captured(noise(2, 8, 8, 3), "YBR_FULL", FrameTimeVector=[0, 40]), plain)],
         "endoscope palette": [(listed, plain)],
         "endoscope inverted": [(_captured(noise(2, 8, 8, dtype="u2"), "MONOCHROME1"), plain)],
+        "endoscope deflated": [(_captured(noise(2, 8, 8, 3), "RGB", ENDOSCOPE, FrameTime=40.0), DEFLATED)],
         "endoscope rle": [(_compressed(), "1.2.840.10008.1.2.5")],
         "endoscope jpeg-ls": [(_encapsulated(encapsulate(_jpeg_ls())), JPEG_LS)],
         "endoscope fragments": [(_encapsulated(encapsulate(_jpeg_ls(), fragments_per_frame=2)), JPEG_LS)],

@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from endoct.base.compute.process_group import process_group
 from endoct.base.compute.worker_process import worker_process
 from endoct.base.errors import EndoctError
 from endoct.workbench.running.scheduler import one_blas_thread
@@ -77,22 +79,23 @@ def _calls(function: Callable[..., Out], arguments: tuple[object, ...], repeats:
 def _program(command: tuple[str, ...]) -> tuple[float, float, float]:
     """Run a program; return seconds of the clock and of all processors, and its largest resident set, MB."""
     start = time.perf_counter()
-    ignoring = signal.signal(signal.SIGINT, signal.SIG_DFL)  # so that the program is interrupted with the caller
-    try:
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    finally:
-        signal.signal(signal.SIGINT, ignoring)
-    if process.stderr is None:
-        raise ValueError("a pipe was asked for")
-    said = process.stderr.read()
-    if not hasattr(os, "wait4"):
-        process.wait()
-        cpu_seconds = peak_mb = float("nan")
-    else:
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        cpu_seconds, peak_mb = usage.ru_utime + usage.ru_stime, _in_mb(usage.ru_maxrss)
-    seconds = time.perf_counter() - start
+    with ExitStack() as stack:
+        ignoring = signal.signal(signal.SIGINT, signal.SIG_DFL)  # so that the program can be interrupted
+        try:
+            process = stack.enter_context(process_group(command, stderr=subprocess.PIPE))
+        finally:
+            signal.signal(signal.SIGINT, ignoring)
+        if process.stderr is None:
+            raise ValueError("a pipe was asked for")
+        said = process.stderr.read().decode(errors="replace")
+        if not hasattr(os, "wait4"):
+            process.wait()
+            cpu_seconds = peak_mb = float("nan")
+        else:
+            _, status, usage = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            cpu_seconds, peak_mb = usage.ru_utime + usage.ru_stime, _in_mb(usage.ru_maxrss)
+        seconds = time.perf_counter() - start
     if process.returncode:
         raise EndoctError("a program that was to be measured failed", found=said.strip()[-300:] or " ".join(command))
     return seconds, cpu_seconds, peak_mb
