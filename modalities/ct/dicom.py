@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,15 +38,6 @@ AIR_HU = -1000
 MOST_SLICES = 20_000
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """Frames on their grid: ``index`` of each along k."""
-
-    index: NDArray[np.intp]
-    origin_mm: Coordinates
-    steps_mm: Coordinates
-
-
 def is_segmentation(file: DicomFile) -> bool:
     """Say whether a file is a Segmentation object."""
     return file.text("Modality") == "SEG" or "SegmentSequence" in file.header
@@ -71,26 +61,26 @@ def read_segmentation(file: DicomFile) -> StoredVolume:
         names = _names(file)
         image = image_of(file)
         frames = list(frames_of(image))
-        placed = _placed(file, frames)
-        shape = int(placed.index.max()) + 1, int(file.header.Rows), int(file.header.Columns)
+        index, origin, steps = _placed(file, frames)
+        shape = int(index.max()) + 1, int(file.header.Rows), int(file.header.Columns)
         check_array_size(shape, 2, str(file.path))
         numbers = np.stack([numbers_of(image, index) for index in range(image.n_frames)])
         if kind == LABEL_MAP:
             voxels: NDArray[Any] = np.zeros(shape, numbers.dtype)
-            if np.unique(placed.index).size < placed.index.size:
+            if np.unique(index).size < index.size:
                 raise EndoctError(f"{file.path} is no even volume", found="two frames at one place")
-            voxels[placed.index] = numbers
+            voxels[index] = numbers
             segments = tuple(Segment(label, name, (label,)) for label, name in names.items() if label != 0)
         else:
             masks = [(label, name, np.zeros(shape, np.bool_)) for label, name in names.items()]
             by_label = {label: mask for label, _, mask in masks}
-            for frame, k, values in zip(frames, placed.index, numbers, strict=True):
+            for frame, k, values in zip(frames, index, numbers, strict=True):
                 by_label[_segment_of(frame, file, names)][k] |= values != 0
             voxels, segments = layers_as_one(masks, shape, str(file.path))
     return StoredVolume(
         voxels=voxels,
-        origin_mm=placed.origin_mm,
-        steps_mm=placed.steps_mm,
+        origin_mm=origin,
+        steps_mm=steps,
         coordinates="lps",
         placed=True,
         kind=f"DICOM Segmentation, {len(frames)} frames",
@@ -116,8 +106,8 @@ def _segment_of(frame: Frame, file: DicomFile, names: dict[int, str]) -> int:
     return int(number)
 
 
-def _placed(file: DicomFile, frames: Sequence[Frame]) -> _Placed:
-    """Return where frames lie: a few of them may lie at one place, and places between them may be empty."""
+def _placed(file: DicomFile, frames: Sequence[Frame]) -> tuple[NDArray[np.intp], Coordinates, Coordinates]:
+    """Return the index of each frame along k, several at one place perhaps or none, the origin and the steps, mm."""
     name = str(file.path)
     positions = np.array([position_of(frame, named(file.path, at)) for at, frame in enumerate(frames)])
     axes = [axes_of(frame, named(file.path, at)) for at, frame in enumerate(frames)]
@@ -151,7 +141,7 @@ def _placed(file: DicomFile, frames: Sequence[Frame]) -> _Placed:
             expected=f"every frame on one grid, to {PLACE_MM:g} mm",
         )
     steps = np.array([between * normal, spacings[0][0] * column, spacings[0][1] * row])
-    return _Placed(index, positions[first], steps)
+    return index, positions[first], steps
 
 
 def read_dicom(path: Path) -> StoredVolume:

@@ -120,11 +120,12 @@ def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coord
     notes = [] if unit else ["It does not say its unit of length: taken for mm."]
     scale = np.diag([*[UNITS_MM.get(unit, 1.0)] * 3, 1.0])
     steps = np.abs(np.array(header["pixdim"][1:4], dtype=np.float64))
-    sform = scale @ _sform(header, path) if int(header["sform_code"]) > 0 else None
+    sform = scale @ _form(header, "sform", path) if int(header["sform_code"]) > 0 else None
     needs_steps = sform is None or int(header["qform_code"]) > 0
     if needs_steps and not (np.all(np.isfinite(steps)) and np.all(steps > 0)):
         raise EndoctError(f"{path} does not say how far its voxels lie apart", found=f"pixdim {steps.tolist()}")
-    qform = scale @ _qform(header, steps, path) if int(header["qform_code"]) > 0 else None
+    header["pixdim"][:4] = [-1.0 if float(header["pixdim"][0]) == -1 else 1.0, *steps]  # nibabel takes nothing else
+    qform = scale @ _form(header, "qform", path) if int(header["qform_code"]) > 0 else None
     corners = np.array(np.meshgrid(*[(0, n - 1) for n in shape])).reshape(3, -1)
     homogeneous = np.vstack([corners, np.ones(corners.shape[1])])
     chosen = sform if sform is not None else qform
@@ -156,28 +157,8 @@ def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coord
     return chosen, True, notes, [Doubt("ct-forms-apart", said, value=apart, unit="mm", expected=(0.0, PLACE_MM))]
 
 
-def _sform(header: Any, path: Path) -> Coordinates:
-    matrix = np.eye(4)
-    matrix[:3] = [header["srow_x"], header["srow_y"], header["srow_z"]]
-    return _checked(matrix, "sform", path)
-
-
-def _qform(header: Any, steps: Coordinates, path: Path) -> Coordinates:
-    from scipy.spatial.transform import Rotation  # takes a while to load
-
-    b, c, d = (float(header[f"quatern_{axis}"]) for axis in "bcd")
-    length = b * b + c * c + d * d
-    if not length <= 1 + 1e-5:  # also where one is no number
-        raise EndoctError(f"{path} does not say where its voxels lie", found=f"quaternion {b:g}, {c:g}, {d:g}")
-    turn = Rotation.from_quat([b, c, d, math.sqrt(max(0.0, 1 - length))]).as_matrix()
-    handed = -1.0 if float(header["pixdim"][0]) == -1 else 1.0
-    matrix = np.eye(4)
-    matrix[:3, :3] = turn * (steps * np.array([1.0, 1.0, handed]))
-    matrix[:3, 3] = [float(header[f"qoffset_{axis}"]) for axis in "xyz"]
-    return _checked(matrix, "qform", path)
-
-
-def _checked(matrix: Coordinates, form: str, path: Path) -> Coordinates:
+def _form(header: Any, form: str, path: Path) -> Coordinates:
+    matrix = np.asarray(header.get_sform() if form == "sform" else header.get_qform(), np.float64)
     if not np.all(np.isfinite(matrix)):
         raise EndoctError(f"{path} does not say where its voxels lie", found=f"{form} with numbers that are none")
     return matrix

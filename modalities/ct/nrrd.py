@@ -34,19 +34,15 @@ UNITS_MM = {
 TYPES = {
     name: dtype
     for dtype, names in {
-        "i1": ("signed char", "int8", "int8_t"),
-        "u1": ("uchar", "unsigned char", "uint8", "uint8_t"),
-        "i2": ("short", "short int", "signed short", "signed short int", "int16", "int16_t"),
-        "u2": ("ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"),
-        "i4": ("int", "signed int", "int32", "int32_t"),
-        "u4": ("uint", "unsigned int", "uint32", "uint32_t"),
-        "i8": ("longlong", "long long", "long long int", "signed long long", "int64", "int64_t"),
-        "u8": ("ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"),
-        "f4": ("float",),
-        "f8": ("double",),
+        "i1": "signed char,int8,int8_t", "u1": "uchar,unsigned char,uint8,uint8_t",
+        "i2": "short,short int,signed short,signed short int,int16,int16_t",
+        "u2": "ushort,unsigned short,unsigned short int,uint16,uint16_t", "i4": "int,signed int,int32,int32_t",
+        "u4": "uint,unsigned int,uint32,uint32_t",
+        "i8": "longlong,long long,long long int,signed long long,int64,int64_t",
+        "u8": "ulonglong,unsigned long long,unsigned long long int,uint64,uint64_t", "f4": "float", "f8": "double",
     }.items()
-    for name in names
-}
+    for name in names.split(",")
+}  # fmt: skip
 PACKINGS = {"raw": "raw", "gzip": "zlib", "gz": "zlib", "bzip2": "bzip2", "bz2": "bzip2"}
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue|Layer)")
 

@@ -54,7 +54,9 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
     table, pieces = np.split(fragments_of(file, path, start), [1])
     n = len(pieces)
     offsets = _table(file, header, *table[0].tolist()) if n else np.empty(0, np.int64)
-    if n == n_frames or (n_frames == 1 and n and len(offsets) < 2 and not _begins(file, pieces[1:, 0].tolist())):
+    if n == n_frames or (
+        n_frames == 1 and n and len(offsets) < 2 and not any(_begins(file, at) for at in pieces[1:, 0].tolist())
+    ):
         return Places(pieces, np.linspace(0, n, n_frames + 1, dtype=np.int64))
     if len(offsets) != n_frames:
         found = f"{n} fragments" + ("" if n < n_frames else ", which nothing assigns to frames")
@@ -70,13 +72,10 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
     return Places(pieces, np.append(first, n))
 
 
-def _begins(file: BufferedReader, places: list[int]) -> bool:
-    """Say whether a JPEG, or JPEG 2000, begins at one of some places."""
-    for at in places:
-        file.seek(at)
-        if file.read(3) in STARTS:
-            return True
-    return False
+def _begins(file: BufferedReader, at: int) -> bool:
+    """Say whether a JPEG, or JPEG 2000, begins at a place."""
+    file.seek(at)
+    return file.read(3) in STARTS
 
 
 def fragments_of(file: BufferedReader, path: Path, start: int) -> NDArray[np.int64]:

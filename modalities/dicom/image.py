@@ -118,20 +118,13 @@ def check_samples(file: DicomFile) -> None:
 def _options(of: DicomFile, stated: Stated, n_frames: int) -> dict[str, Any]:
     """Return what pydicom needs to know of uncompressed frames. It returns views where it need not rewrite them."""
     return {
-        "rows": stated.rows,
-        "columns": stated.columns,
-        "samples_per_pixel": stated.samples,
-        "number_of_frames": n_frames,
-        "bits_allocated": stated.bits,
-        "bits_stored": stated.bits,
-        "pixel_representation": 0,
-        "photometric_interpretation": stated.photometric,
+        "rows": stated.rows, "columns": stated.columns, "samples_per_pixel": stated.samples,
+        "number_of_frames": n_frames, "bits_allocated": stated.bits, "bits_stored": stated.bits,
+        "pixel_representation": 0, "pixel_keyword": "PixelData",
         "planar_configuration": int(of.header.get("PlanarConfiguration") or 0),
-        "pixel_keyword": "PixelData",
-        "pixel_vr": "OW" if of.in_words else "OB",
-        "correct_unused_bits": False,
-        "view_only": stated.photometric != HALF_WIDTH and of.syntax != BIG_ENDIAN,
-    }
+        "photometric_interpretation": stated.photometric, "pixel_vr": "OW" if of.in_words else "OB",
+        "correct_unused_bits": False, "view_only": stated.photometric != HALF_WIDTH and of.syntax != BIG_ENDIAN,
+    }  # fmt: skip
 
 
 def _against(stream: Stream, stated: Stated, stored: int, *, signed: bool) -> tuple[bool, tuple[Doubt, ...]]:

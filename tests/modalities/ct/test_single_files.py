@@ -86,7 +86,7 @@ def test_nifti_scales_its_values(tmp_path: Path, volume: Drawn) -> None:
     ("change", "message"),
     [
         ({"srow_y": (0, 0, 0, 0), "qform_code": 0}, "two things of how far its voxels lie apart"),
-        ({"quatern_b": float("nan"), "sform_code": 0}, "quaternion nan"),
+        ({"quatern_b": float("nan"), "sform_code": 0}, "qform with numbers that are none"),
         ({"qoffset_x": float("inf"), "sform_code": 0}, "numbers that are none"),
         ({"srow_x": (0.3, 0, 0, 5), "qform_code": 0}, "lie"),
         ({"xyzt_units": 5}, "does not say its unit"),

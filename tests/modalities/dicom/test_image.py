@@ -193,6 +193,7 @@ def test_a_directory_is_known_by_its_meta_header(tmp_path: Path) -> None:
     write(one, tmp_path / "a.dcm")
     files.add(tmp_path / "a.dcm")
     files.write(tmp_path / "set")
+    files._stage["t"].cleanup()  # which it leaves to whoever collects it
     assert kind_of(tmp_path / "set" / "DICOMDIR").sop_class == DIRECTORY
 
 
