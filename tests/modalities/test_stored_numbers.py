@@ -183,3 +183,10 @@ def test_most_of_a_mask_as_white_where_0_is_white_is_refused(tmp_path: Path) -> 
     tifffile.imwrite(tmp_path / "m.tif", CELLS.astype(np.uint8) * 255, photometric="miniswhite")
     with pytest.raises(EndoctError, match="of it white, in a file that changes"):
         read_drawing(tmp_path / "m.tif", CELLS.shape)
+
+
+def test_a_transparent_colour_of_two_is_the_ground(tmp_path: Path) -> None:
+    image = Image.fromarray(CELLS.astype(np.uint8), "P")
+    image.putpalette([255, 255, 255, 200, 0, 0])
+    image.save(tmp_path / "m.png", transparency=0)
+    np.testing.assert_array_equal(read_drawing(tmp_path / "m.png", CELLS.shape), CELLS)

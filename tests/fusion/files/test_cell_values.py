@@ -71,6 +71,14 @@ def test_names_stand_for_few_regions() -> None:
     np.testing.assert_array_equal(cells_of(grey[:, :28], "m"), grey[:, :28] > 0)
 
 
+def test_labels_of_which_half_were_deleted_stand_for_many_regions() -> None:
+    labels = np.zeros((12, 40), np.uint8)
+    for k in range(5):
+        labels[3:6, 7 * k : 7 * k + 4] = (2, 4)[k % 2]
+    np.testing.assert_array_equal(cells_of(labels, "m"), labels > 0)
+    assert "values 0, 2, 5;" in refused(np.where(labels == 4, 5, labels))
+
+
 @pytest.mark.parametrize("white", [255, 65535])
 def test_white_beside_grey_is_paint(white: int) -> None:
     assert f"values 0, 128, {white};" in refused(labelled(first=128, second=white))
@@ -94,6 +102,19 @@ def test_votes_enclose_each_other(factor: int) -> None:
     votes[2:10, 4:10] += 1
     votes[2:10, 7:13] += 1
     assert "values 0, " in refused(np.where(np.arange(40) < 20, votes, 0) * factor)
+
+
+def test_votes_that_differ_at_two_edges_alone() -> None:
+    votes = np.zeros((12, 40), np.uint8)
+    votes[1:11, 3:13] += 1
+    votes[1:11, 5:15] += 1  # 16 of the 36 edges of what both drew are on the ground
+    assert "values 0, 1, 2;" in refused(votes)
+
+
+def test_single_samples_at_the_edge_of_a_cell_are_no_labels() -> None:
+    labels = np.where(CELLS, 1, 0)
+    labels[2, 9], labels[4, 9], labels[7, 26] = 2, 3, 4
+    assert "5 values from 0 to 4" in refused(labels)
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int64, np.float32])
@@ -138,6 +159,8 @@ def test_grey_in_three_channels_is_grey() -> None:
 
 def test_colours_that_name_no_ground() -> None:
     assert "3 colours;" in of_colours(COLOURS[labelled(first=1, second=2)])
+    alike = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 256]], np.uint16)
+    assert "3 colours;" in of_colours(alike[labelled(first=1, second=2)])
     assert "2 colours, none of them black" in of_colours(COLOURS[1 + CELLS.astype(int)])
 
 

@@ -307,3 +307,12 @@ def test_files_that_a_sidecar_cites_are_no_junk(tmp_path: Path) -> None:
     (tmp_path / "endo" / "rises.txt").write_text("1\n2")
     assert beside(tmp_path / "endo", manifest, texts_in({"spectra": {"chirp": "rises.txt", "samples": 2}})).count == 0
     assert beside(tmp_path / "endo", manifest, texts_in({"note": "other"})).count == 1
+
+
+def test_so_many_files_are_opened_at_most(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
+    for k in range(5):
+        (tmp_path / "endo" / f"{k}.scan").write_bytes(b"II*\0")  # begins as a TIFF does
+    assert beside(tmp_path / "endo", manifest, ()).count == 0  # they hold frames
+    monkeypatch.setattr("endoct.workbench.pipeline.unread.MOST_ASKED", 3)
+    assert beside(tmp_path / "endo", manifest, ()).count == 2
