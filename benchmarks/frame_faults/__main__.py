@@ -11,8 +11,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from benchmarks.frame_faults.folders import SOUND
-from benchmarks.frame_faults.trial import ALL, BELIEVED, DOUBTED, REFUSED, RIGHT, tried
+from benchmarks.frame_faults.trial import ALL, BELIEVED, DOUBTED, MUST_BE_READ, REFUSED, RIGHT, tried
 
 ENDS = (RIGHT, REFUSED, DOUBTED, BELIEVED)
 
@@ -32,7 +31,7 @@ def main() -> int:
         for number in range(options.count):
             trial = tried(faults[number % len(faults)], number, options.seed, Path(scratch) / "case")
             counts[trial.fault, trial.end] += 1
-            if trial.end == BELIEVED or (trial.fault in SOUND and trial.end == REFUSED):
+            if trial.end == BELIEVED or (trial.fault in MUST_BE_READ and trial.end == REFUSED):
                 wrong.append(trial)
     print(f"{'':<30}" + "".join(f"{end:>10}" for end in ENDS))
     for name in dict.fromkeys(faults):

@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.frame_faults.drawn import Truth
 from benchmarks.frame_faults.folders import FAULTS, SOUND
 from benchmarks.frame_faults.pictures import CODED, mask
+from benchmarks.frame_faults.streams import READABLE, STREAMS
 from benchmarks.frame_faults.videos import VIDEOS
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
@@ -22,7 +23,8 @@ PLACE_MM = 0.03
 LOSSY = 12.0
 """Mean difference of samples that coding may leave; those of two frames differ by 85."""
 MASKS = "masks"
-WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS}
+WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS, **STREAMS}
+MUST_BE_READ = (*SOUND, *READABLE)
 ALL = (*WRITERS, MASKS)
 RIGHT, REFUSED, DOUBTED, BELIEVED = "right", "refused", "doubted", "believed"
 
@@ -56,7 +58,8 @@ def tried(fault: str, number: int, seed: int, scratch: Path) -> Trial:
         return Trial(fault, number, REFUSED, str(error))
     names = ", ".join(sorted(path.name for path in scratch.iterdir())[:6])
     said = "; ".join([*(doubt.what for doubt in remarks.doubts), *remarks.notes])
-    if _is_right(frames, places, truth):
+    told = not truth.doubted or truth.doubted in {doubt.code for doubt in remarks.doubts}
+    if told and _is_right(frames, places, truth):
         return Trial(fault, number, DOUBTED if remarks.doubts else RIGHT, said)
     return Trial(fault, number, DOUBTED if remarks.doubts else BELIEVED, f"{said} [{names}]")
 
@@ -66,7 +69,8 @@ def _is_right(frames: list[np.ndarray], places: np.ndarray, truth: Truth) -> boo
     if len(frames) != len(truth.frames) or np.abs(places - truth.places_mm).max() > PLACE_MM:
         return False
     for frame, drawn in zip(frames, truth.frames, strict=True):
-        seen = (frame.T if truth.kind == "oct" else frame[..., 0] if frame.ndim == 3 else frame).astype(float)
+        one_plane = frame.ndim == 3 and drawn.ndim == 2
+        seen = (frame.T if truth.kind == "oct" else frame[..., 0] if one_plane else frame).astype(float)
         if seen.shape != drawn.shape or np.abs(seen - drawn).mean() > (0 if truth.exact else LOSSY):
             return False
     return True
