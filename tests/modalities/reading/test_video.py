@@ -181,7 +181,14 @@ def test_no_manifest_loads_the_decoder() -> None:
 
 
 def encoded(
-    path: Path, codec: str, pixels: str, *, aspect: Fraction | None = None, field_order: int = 0, **options: str
+    path: Path,
+    codec: str,
+    pixels: str,
+    *,
+    aspect: Fraction | None = None,
+    field_order: int = 0,
+    flags: int = 0,
+    **options: str,
 ) -> Path:
     av.logging.set_level(av.logging.PANIC)
     with av.open(str(path), "w") as container:
@@ -189,6 +196,7 @@ def encoded(
         stream.width, stream.height, stream.pix_fmt = 96, 64, pixels
         if aspect is not None:
             stream.codec_context.sample_aspect_ratio = aspect
+        stream.codec_context.flags |= flags
         if field_order:
             stream.codec_context.field_order = field_order
         for index in range(N):
@@ -202,7 +210,8 @@ def encoded(
 def test_a_video_of_woven_fields_is_doubted(tmp_path: Path) -> None:
     woven = encoded(tmp_path / "a.mkv", "libx264", "yuv420p", **{"x264-params": "tff=1:log-level=none"})
     whole = encoded(tmp_path / "b.mkv", "libx264", "yuv420p", **{"x264-params": "log-level=none"})
-    for path, expected in ((woven, ["frames-interlaced"]), (whole, [])):
+    by_frames = encoded(tmp_path / "c.mp4", "mpeg4", "yuv420p", flags=0x2004_0000)  # coded and searched by fields
+    for path, expected in ((woven, ["frames-interlaced"]), (by_frames, ["frames-interlaced"]), (whole, [])):
         stack = open_stack(path)
         assert [doubt.code for doubt in stack.remarks.doubts] == expected
         assert [doubt.code for doubt in pickle.loads(pickle.dumps(stack)).remarks.doubts] == expected
