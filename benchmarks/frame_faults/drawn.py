@@ -12,20 +12,22 @@ PITCH_MM = 0.2
 RATE_HZ = 25.0
 SHAPE = (48, 64)
 
-Frames = NDArray[np.uint8]
+Frames = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What is right: ``frames`` u8 (n, rows, columns) in their order, ``places_mm`` (n,) along the travel.
+    """What is right: ``frames`` (n, rows, columns), or in colour, in their order, ``places_mm`` (n,) along the travel.
 
-    ``kind``: "oct" or "endoscope"; ``exact``: samples are those that were drawn, not lossy ones.
+    ``kind``: "oct" or "endoscope"; ``exact``: samples are those that were drawn, not lossy ones; ``doubted``: the code
+    of the doubt without which it would be believed wrongly.
     """
 
     frames: Frames
     places_mm: NDArray[np.float64]
     kind: str = "oct"
     exact: bool = True
+    doubted: str = ""
 
     def part(self, kept: Any) -> "Truth":
         """Return what is right where only some frames are kept, by index."""

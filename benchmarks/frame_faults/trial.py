@@ -12,6 +12,7 @@ from benchmarks.frame_faults.drawn import Truth
 from benchmarks.frame_faults.folders import FAULTS, SOUND
 from benchmarks.frame_faults.masks import SOUND_MASKS, UNCLEAR_MASKS, cells
 from benchmarks.frame_faults.pictures import CODED
+from benchmarks.frame_faults.streams import READABLE, STREAMS
 from benchmarks.frame_faults.videos import VIDEOS
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
@@ -22,10 +23,10 @@ PLACE_MM = 0.03
 """What clocks of videos and in names leave uncertain: less than a sixth of a step."""
 LOSSY = 12.0
 """Mean difference of samples that coding may leave; those of two frames differ by 85."""
-WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS}
+WRITERS: Mapping[str, Callable[[Path, Random], Truth]] = {**SOUND, **FAULTS, **CODED, **VIDEOS, **STREAMS}
 MASKS = {**SOUND_MASKS, **UNCLEAR_MASKS}
 ALL = (*WRITERS, *MASKS)
-MUST_BE_READ = (*SOUND, *SOUND_MASKS)
+MUST_BE_READ = (*SOUND, *SOUND_MASKS, *READABLE)
 RIGHT, REFUSED, DOUBTED, BELIEVED = "right", "refused", "doubted", "believed"
 
 
@@ -58,7 +59,8 @@ def tried(fault: str, number: int, seed: int, scratch: Path) -> Trial:
         return Trial(fault, number, REFUSED, str(error))
     names = ", ".join(sorted(path.name for path in scratch.iterdir())[:6])
     said = "; ".join([*(doubt.what for doubt in remarks.doubts), *remarks.notes])
-    if _is_right(frames, places, truth):
+    told = not truth.doubted or truth.doubted in {doubt.code for doubt in remarks.doubts}
+    if told and _is_right(frames, places, truth):
         return Trial(fault, number, DOUBTED if remarks.doubts else RIGHT, said)
     return Trial(fault, number, DOUBTED if remarks.doubts else BELIEVED, f"{said} [{names}]")
 
@@ -68,7 +70,8 @@ def _is_right(frames: list[np.ndarray], places: np.ndarray, truth: Truth) -> boo
     if len(frames) != len(truth.frames) or np.abs(places - truth.places_mm).max() > PLACE_MM:
         return False
     for frame, drawn in zip(frames, truth.frames, strict=True):
-        seen = (frame.T if truth.kind == "oct" else frame[..., 0] if frame.ndim == 3 else frame).astype(float)
+        one_plane = frame.ndim == 3 and drawn.ndim == 2
+        seen = (frame.T if truth.kind == "oct" else frame[..., 0] if one_plane else frame).astype(float)
         if seen.shape != drawn.shape or np.abs(seen - drawn).mean() > (0 if truth.exact else LOSSY):
             return False
     return True

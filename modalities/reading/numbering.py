@@ -117,7 +117,7 @@ def positions_along(
         and usual > 0
         and abs(usual / pitch_mm - 1) > OTHER_PITCH
     ):
-        remarks += Remarks(doubts=(_other_pitch(usual, pitch_mm),))
+        remarks += Remarks(doubts=(_other_pitch(along, usual, pitch_mm),))
     if along.unit == "s" and rate_hz is not None and abs(usual * rate_hz - 1) <= OTHER_RATE:
         usual = 1 / rate_hz
     if spacing.kind == "even":
@@ -125,7 +125,7 @@ def positions_along(
     if spacing.kind == "uneven" and (not np.all(np.diff(along.values) > 0) or along.unit == ""):
         return None, remarks + Remarks(doubts=(_uneven(along),))
     if spacing.kind == "uneven" and along.unit == "mm":
-        note = "Names give uneven places in mm; frames were placed by them."
+        note = f"Frames lie at uneven places in mm by {along.by}, and were placed so."
         return _from_first(along.values, 1.0), remarks + Remarks(notes=(note,))
     if spacing.kind == "uneven":
         if steady and rate_hz is not None:
@@ -159,10 +159,10 @@ def _from_first(values: Coordinates, scale: float) -> Positions:
     return tuple(float(value) for value in (values - values[0]) * scale)
 
 
-def _other_pitch(usual: float, pitch_mm: float) -> Doubt:
+def _other_pitch(along: Along, usual: float, pitch_mm: float) -> Doubt:
     what = (
-        f"If the numbers in names are mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were "
-        "placed by the sidecar."
+        f"By {along.by}, read as mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed "
+        "by the sidecar."
     )
     return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
 

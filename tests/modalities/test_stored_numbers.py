@@ -1,7 +1,10 @@
 """What stored numbers of images mean: white as 0, palettes, equal colours, transparency, orientation."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import imagecodecs
 import numpy as np
 import pytest
 import tifffile
@@ -190,3 +193,83 @@ def test_a_transparent_colour_of_two_is_the_ground(tmp_path: Path) -> None:
     image.putpalette([255, 255, 255, 200, 0, 0])
     image.save(tmp_path / "m.png", transparency=0)
     np.testing.assert_array_equal(read_drawing(tmp_path / "m.png", CELLS.shape), CELLS)
+
+
+IMAGEJ = "ImageJ=1.54f\nimages=2\nslices=2\n{}\n"
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("cf=0\nc0=-32768.0\nc1=1.0", lambda stored: stored.astype(np.float32) - 32768),
+        ("cf=0\nc0=5\nc1=-0.5", lambda stored: (5 - 0.5 * stored.astype(np.float64)).astype(np.float32)),
+        ("cf=0\nc0=0.0\nc1=1.0", lambda stored: stored),
+        ("cf=20\nc0=7\nc1=2", lambda stored: stored),
+        ("unit=pixel", lambda stored: stored),
+    ],
+)
+def test_the_line_of_imagej_is_applied(said: str, shown: Callable[[Any], Any], tmp_path: Path) -> None:
+    stored = np.random.default_rng(4).integers(0, 65536, (2, 40, 48), dtype=np.uint16)
+    tifffile.imwrite(
+        tmp_path / "a.tif", stored, photometric="minisblack", description=IMAGEJ.format(said), metadata=None
+    )
+    stack, expected = open_stack(tmp_path / "a.tif"), shown(stored)
+    assert stack.dtype == expected.dtype
+    np.testing.assert_array_equal(stack[1], expected[1])
+    assert any("ImageJ's calibration" in note for note in stack.remarks.notes) == (expected.dtype == np.float32)
+    (tmp_path / "folder").mkdir()
+    single = IMAGEJ.format(said).replace("=2\n", "=1\n")
+    for k, frame in enumerate(stored):
+        tifffile.imwrite(tmp_path / "folder" / f"{k}.tif", frame, description=single, metadata=None)
+    one_by_one = open_stack(tmp_path / "folder")
+    np.testing.assert_array_equal(one_by_one[1], expected[1])
+    assert one_by_one.remarks.notes == stack.remarks.notes
+
+
+@pytest.mark.parametrize(
+    "said", ["cf=1\nc0=0\nc1=1\nc2=3", "cf=21", "cf=0\nc0=1", "cf=0\nc0=x\nc1=1", "cf=0\nc0=1\nc1=0"]
+)
+def test_a_curve_of_imagej_is_refused(said: str, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", np.zeros((2, 8, 8), np.uint16), description=IMAGEJ.format(said), metadata=None)
+    with pytest.raises(EndoctError, match="calibrated in a way that is not read"):
+        open_stack(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("compression", [None, "packbits", "zlib"])
+@pytest.mark.parametrize(("parts", "said"), [((1, 1), r"YCbCr;"), ((2, 2), r"YCbCr, one for 2 × 2 pixels;")])
+def test_colours_as_ycbcr_are_refused_by_name(
+    compression: str | None, parts: tuple[int, int], said: str, tmp_path: Path
+) -> None:
+    colours = np.random.default_rng(5).integers(0, 256, (16, 24, 3), dtype=np.uint8)
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, colours, photometric="ycbcr", compression=compression, metadata=None)
+    with tifffile.TiffFile(path, mode="r+") as tiff:
+        tiff.pages[0].tags[530].overwrite(parts)
+    with pytest.raises(EndoctError, match=said):
+        open_stack(path)
+
+
+def test_colours_of_a_jpeg_in_a_tiff_are_those_that_its_stream_has(tmp_path: Path) -> None:
+    colour = np.full((16, 24, 3), (200, 40, 90), np.uint8)
+    plain = imagecodecs.jpeg8_encode(colour)  # YCbCr
+    adobe = plain[:2] + b"\xff\xee\0\x0eAdobe\0d\0\0\0\0\1" + plain[20:]
+    as_rgb = imagecodecs.jpeg8_encode(colour, colorspace="RGB", outcolorspace="RGB")
+    for stream in (plain, adobe, as_rgb):
+        for meaning in (2, 6):
+            path = tmp_path / "a.tif"
+            with tifffile.TiffWriter(path) as writer:
+                how: Any = {"shape": colour.shape, "dtype": np.uint8, "rowsperstrip": 16, "compression": "jpeg"}
+                writer.write(iter([stream]), photometric="ycbcr", metadata=None, **how)
+            with tifffile.TiffFile(path, mode="r+") as tiff:
+                tiff.pages[0].tags[262].overwrite(meaning)
+            assert np.abs(open_stack(path)[0].astype(int) - colour).max() <= 3
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".png", ".jpg"])
+@pytest.mark.parametrize(("dpi", "aspect"), [((150, 100), 2 / 3), ((100, 150), 1.5), ((100, 100), 1.0), (None, 1.0)])
+def test_the_aspect_of_pixels_by_the_resolution(
+    suffix: str, dpi: tuple[int, int] | None, aspect: float, tmp_path: Path
+) -> None:
+    image = Image.fromarray(np.zeros((16, 24, 3), np.uint8))
+    image.save(tmp_path / f"a{suffix}", **({} if dpi is None else {"dpi": dpi}))
+    assert open_stack(tmp_path / f"a{suffix}").pixel_aspect == pytest.approx(aspect, rel=1e-3)

@@ -92,12 +92,14 @@ def is_sharper_turned_around(path: Path, keys: SpectraKeys, bscan: NDArray[np.ui
     other = "sample" if keys.chirp_gives == "wavenumber" else "wavenumber"
     first = {"ascans": bscan.shape[1], "slices": 1}  # turns that were found need not be found again
     turned = open_spectra(path, keys.model_copy(update={"chirp_gives": other, **first}))[0]
-    return _sharpness(turned) > SHARPER * _sharpness(bscan)
+    deep = len(bscan) // SHALLOW  # where a chirp that is wrong blurs most; but a blur may reach there from above
+    is_so_deep = _sharpness(turned[deep:]) > SHARPER * _sharpness(bscan[deep:])
+    return is_so_deep and _sharpness(turned) > _sharpness(bscan)
 
 
 def _sharpness(bscan: NDArray[np.uint16]) -> float:
-    """Return the contrast of power, where a chirp that is wrong blurs most: away from depth 0."""
-    level_db = bscan[len(bscan) // SHALLOW :].astype(np.float64) / COUNTS_PER_DB
+    """Return the contrast of power."""
+    level_db = bscan.astype(np.float64) / COUNTS_PER_DB
     power = 10 ** ((level_db - level_db.max()) / 10)
     return float(np.mean(power**2) / np.mean(power) ** 2)
 

@@ -25,7 +25,7 @@ SHARE_DOUBT = Doubt("cells-too-many", "Nearly all is cell.")
 
 
 def answer(of: str, *doubts: Doubt) -> Segmentation:
-    return Segmentation(np.zeros(SHAPE, np.bool_), 0.5, "1", of, "dark", "given", None, doubts)
+    return Segmentation(LIGHT > 0.5, 0.5, "1", of, "dark", "given", None, doubts)
 
 
 @pytest.mark.parametrize(

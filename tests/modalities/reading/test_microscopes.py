@@ -14,6 +14,7 @@ import zarr
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading.numbering import spacing_of
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
 from endoct.modalities.registry import manifest_for
 
@@ -277,3 +278,60 @@ def test_every_bit_that_falls_over_is_one_line_or_seen(tmp_path: Path) -> None:
     chunk.unlink()
     os.mkfifo(chunk)
     assert "no file with content" in refusal(path)
+
+
+def placed(path: Path, axis: str, values: list[Any], name: str = "PositionZ", unit: str = "") -> Path:
+    """Write a stack along ``axis`` whose planes say where, or when, each was taken; None says nothing."""
+    of_unit = f' {name}Unit="{unit}"' if unit else ""
+    planes = "".join(
+        f'<Plane TheZ="{k if axis == "Z" else 0}" TheC="0" TheT="{k if axis == "T" else 0}" '
+        f'{"" if value is None else f"""{name}="{value}"{of_unit}"""}/>'
+        for k, value in enumerate(values)
+    )
+    data = described(path, planes).read_bytes()
+    along_t = data.replace(b'SizeZ="6" SizeT="1"', b'SizeZ="1" SizeT="6"')
+    path.write_bytes(along_t if axis == "T" else data)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("axis", "values", "name", "unit", "mm_or_s", "kind"),
+    [
+        ("Z", [0, 200, 400, 600, 800, 1000], "PositionZ", "µm", "mm", "even"),
+        ("Z", [0, 200, 400, 800, 1000, 1200], "PositionZ", "µm", "mm", "gaps"),
+        ("Z", [0, -200, -400, -800, -1000, -1200], "PositionZ", "µm", "mm", "gaps"),
+        ("Z", [0.0, 0.21, 0.5, 0.6, 0.93, 1.0], "PositionZ", "mm", "mm", "uneven"),
+        ("Z", [0, 2, 4, 8, 10, 12], "PositionZ", "", "", "gaps"),
+        ("Z", [0, 2, 4, 8, 10, 12], "PositionZ", "reference frame", "", "gaps"),
+        ("T", [0, 40, 80, 160, 200, 240], "DeltaT", "ms", "s", "gaps"),
+        ("T", [0, 1, 2, 4, 5, 6], "DeltaT", "", "s", "gaps"),
+        ("T", [0, 200, 400, 800, 1000, 1200], "PositionZ", "µm", "mm", "gaps"),
+    ],
+)
+def test_planes_lie_where_they_say(
+    axis: str, values: list[Any], name: str, unit: str, mm_or_s: str, kind: str, tmp_path: Path
+) -> None:
+    stack = open_stack(placed(tmp_path / "a.tif", axis, values, name, unit))
+    assert stack.along is not None
+    assert (stack.along.unit, spacing_of(stack.along.values, within=stack.along.within).kind) == (mm_or_s, kind)
+    if unit in ("µm", "ms"):
+        np.testing.assert_allclose(np.ptp(stack.along.values), np.ptp(values) / 1000)
+    assert (np.diff(stack.along.values) > 0).all()
+    assert codes(stack) == set()
+
+
+def test_planes_that_say_nothing_of_their_places(tmp_path: Path) -> None:
+    for name, axis, values in (("PositionZ", "Z", [5.0] * 6), ("DeltaT", "Z", [0, 1, 5, 6, 7, 8])):
+        stack = open_stack(placed(tmp_path / "a.tif", axis, values, name))
+        assert stack.along is None
+        assert codes(stack) == set()
+    stack = open_stack(placed(tmp_path / "a.tif", "Z", [0, 1, None, 3, 4, 5]))
+    assert stack.along is None
+    (doubt,) = stack.remarks.doubts
+    assert (doubt.code, "PositionZ of 5 of 6 frames" in doubt.what) == ("frames-uneven", True)
+
+
+def test_the_aspect_of_pixels_by_their_physical_size(tmp_path: Path) -> None:
+    path = ome(tmp_path / "a.tif", axes="ZYX", PhysicalSizeX=3.0, PhysicalSizeY=2.0)
+    assert open_stack(path).pixel_aspect == pytest.approx(1.5)
+    assert open_stack(ome(tmp_path / "b.tif", axes="ZYX", PhysicalSizeX=3.0)).pixel_aspect == 1

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -177,3 +178,68 @@ def test_no_manifest_loads_the_decoder() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "False"
+
+
+def encoded(
+    path: Path,
+    codec: str,
+    pixels: str,
+    *,
+    aspect: Fraction | None = None,
+    field_order: int = 0,
+    flags: int = 0,
+    **options: str,
+) -> Path:
+    av.logging.set_level(av.logging.PANIC)
+    with av.open(str(path), "w") as container:
+        stream: Any = container.add_stream(codec, rate=25, options=options)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, pixels
+        if aspect is not None:
+            stream.codec_context.sample_aspect_ratio = aspect
+        stream.codec_context.flags |= flags
+        if field_order:
+            stream.codec_context.field_order = field_order
+        for index in range(N):
+            frame = av.VideoFrame.from_ndarray(picture(index, False), format="gray").reformat(format=pixels)
+            frame.pts = index
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def test_a_video_of_woven_fields_is_doubted(tmp_path: Path) -> None:
+    woven = encoded(tmp_path / "a.mkv", "libx264", "yuv420p", **{"x264-params": "tff=1:log-level=none"})
+    whole = encoded(tmp_path / "b.mkv", "libx264", "yuv420p", **{"x264-params": "log-level=none"})
+    by_frames = encoded(tmp_path / "c.mp4", "mpeg4", "yuv420p", flags=0x2004_0000)  # coded and searched by fields
+    for path, expected in ((woven, ["frames-interlaced"]), (by_frames, ["frames-interlaced"]), (whole, [])):
+        stack = open_stack(path)
+        assert [doubt.code for doubt in stack.remarks.doubts] == expected
+        assert [doubt.code for doubt in pickle.loads(pickle.dumps(stack)).remarks.doubts] == expected
+
+
+def test_fields_that_the_container_alone_states_are_doubted(tmp_path: Path) -> None:
+    for order, expected in ((2, ["frames-interlaced"]), (1, [])):
+        path = encoded(tmp_path / f"{order}.mkv", "ffv1", "gray", field_order=order)
+        assert [doubt.code for doubt in open_stack(path).remarks.doubts] == expected
+
+
+def test_frames_without_times_of_showing_are_refused(tmp_path: Path) -> None:
+    reordered = encoded(tmp_path / "a.avi", "libx264", "yuv420p", bf="2", g="12", **{"x264-params": "log-level=none"})
+    with pytest.raises(EndoctError, match=r"no times at which they are shown.*B-frames.*ffv1 OUT.mkv"):
+        open_stack(reordered)
+    in_order = encoded(tmp_path / "b.avi", "libx264", "yuv420p", bf="0", **{"x264-params": "log-level=none"})
+    assert [nearest(frame) for frame in map(open_stack(in_order).__getitem__, range(N))] == list(range(N))
+
+
+def nearest(frame: np.ndarray) -> int:
+    """Return which picture a frame, with losses, shows."""
+    seen = frame[..., 0].astype(float)
+    return int(np.argmin([np.abs(seen - picture(k, False)).mean() for k in range(N)]))
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.avi"])
+def test_the_aspect_of_pixels_of_a_video(name: str, tmp_path: Path) -> None:
+    how = {"bf": "0", "x264-params": "log-level=none"}
+    path = encoded(tmp_path / name, "libx264", "yuv420p", aspect=Fraction(16, 15), **how)
+    assert open_stack(path).pixel_aspect == pytest.approx(16 / 15)
+    assert open_stack(encoded(tmp_path / f"b{name}", "libx264", "yuv420p", **how)).pixel_aspect == 1

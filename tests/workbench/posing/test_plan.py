@@ -158,6 +158,13 @@ def test_a_list_of_slicer_4_whose_points_are_turned_is_read(case: PoseCase, tmp_
     assert np.allclose(read_line(path)[0].entry_mm, case.plan.entry_mm)
 
 
+def test_a_missing_number_shows_in_the_columns_of_switches(case: PoseCase, tmp_path: Path) -> None:
+    path = fcsv(tmp_path / "plan.fcsv", case, "LPS", entry="1,2")
+    path.write_text(path.read_text(encoding="utf-8").replace(",0,0,0,1,1,1,0,", ",1,0,0,0,1,1,0,"))
+    with pytest.raises(EndoctError, match="has no place"):
+        read_line(path)
+
+
 FCSV = """# Markups fiducial file version = {version}
 # CoordinateSystem = {system}
 # columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID

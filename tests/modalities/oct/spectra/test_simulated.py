@@ -11,6 +11,8 @@ from tolerances import RAW_SPECTRA_DB, REBUILT_DB, SAME_WALL_MM
 from endoct.modalities.conformance import CHECKS, Check, Subject
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
+from endoct.modalities.oct.spectra.keys import SpectraKeys
+from endoct.modalities.oct.spectra.reading import is_sharper_turned_around, open_spectra
 from endoct.modalities.registry import manifests, open_recording
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, chirp, counts, digitised, reconstruct, spectrometer
@@ -89,6 +91,19 @@ def test_a_chirp_the_wrong_way_round_is_said(specimen: Path, tmp_path: Path) -> 
     sidecar = moved / "acquisition.toml"
     sidecar.write_text(sidecar.read_text().replace('chirp = "', 'chirp_gives = "sample", chirp = "'))
     assert "the chirp seems to be turned around" in OCT.sniff(moved).reason
+
+
+def test_a_chirp_the_right_way_round_is_not_doubted_for_a_blur_that_reaches_deeper(tmp_path: Path) -> None:
+    """One line just above the depths that are judged: the wrong way round, it smears into them."""
+    sample = np.arange(512)
+    places = sample + sample * (511 - sample) / 7000
+    phase = np.arange(64)[:, None] * np.pi / 32
+    np.rint(1000 + 200 * np.cos(2 * np.pi * 60 * places / 512 + phase)).astype("<u2").tofile(tmp_path / "spectra.bin")
+    (tmp_path / "chirp.txt").write_text("\n".join(map(str, places)))
+    keys = SpectraKeys(file="spectra.bin", samples=512, ascans=64, chirp="chirp.txt")
+    bscan = open_spectra(tmp_path, keys)[0]
+    assert bscan.mean(axis=1).argmax() == 60
+    assert not is_sharper_turned_around(tmp_path, keys, bscan)
 
 
 def test_the_wall_lies_where_it_lies_in_the_written_bscans(specimen: Path) -> None:
