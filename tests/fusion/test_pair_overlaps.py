@@ -11,6 +11,7 @@ from skimage.filters import threshold_li
 from endoct.fusion.comparison import CompareParameters, compare_panoramas, compare_placed
 from endoct.fusion.evidence.side import DrawnMask, two_sides
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.segmentation.li_alone import above_li
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
 
@@ -106,3 +107,17 @@ def test_both_samplings_count_what_lies_there(panorama_of: Callable[..., Panoram
         assert overlap.jaccard == pytest.approx((850 + 280) / (1000 + 280), abs=0.002)
         assert overlap.only_b_mm2 == pytest.approx(0, abs=0.02)
     assert of_li.own_rows.rows_of == "ranger"
+
+
+@pytest.mark.parametrize(("deep", "raised"), [(0.0, True), (0.3, False)])
+def test_a_threshold_within_the_walls_own_relief_is_raised_and_said_to_be(
+    panorama_of: Callable[..., Panorama], deep: float, raised: bool
+) -> None:
+    depth = np.random.default_rng(0).normal(0, 0.01, (40, 512))
+    depth[10:20, 100:200] += deep
+    (side, _) = two_sides(panorama_of(np.ones(depth.shape), dz_mm=0.05, depth_mm=depth), panorama_of(depth, dz_mm=0.05))
+    parameters = COARSE.model_copy(update={"smooth_mm": 0.0})
+    found = segment_side(side, parameters, "dark")
+    assert ("raised to 4 times the spread" in found.of) is raised
+    assert above_li(side.evidence, parameters).was_raised is raised
+    assert found.mask.any() is np.bool_(not raised)
