@@ -1,15 +1,19 @@
-"""Folders to show, made up, and the server that shows one of them."""
+"""Folders to show, made up, and the server that shows one of them: over a socket, or asked within this process."""
 
 import json
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import uvicorn
+from anyio import Event
+from anyio.from_thread import BlockingPortal, start_blocking_portal
 from mock_comparison import GRID, Kind, write_comparison
 from starlette.applications import Starlette
 
@@ -27,6 +31,10 @@ PAIR = {
     "sigma_mm": 0.05,
 }
 """Landmarks as the page sends them."""
+PORT = 8765
+"""Of a server that is none."""
+Answer = tuple[int, bytes, dict[str, str]]
+"""Status, body and headers."""
 IN_PLACE = Alignment(0.0, 0.0, confidence=0.6, correlation=0.9, ratio=3.0)
 
 
@@ -52,18 +60,70 @@ class Served:
         """The address of the page."""
         return f"http://127.0.0.1:{self.port}/"
 
-    def get(self, path: str, **headers: str) -> tuple[int, bytes, dict[str, str]]:
+    def get(self, path: str, **headers: str) -> Answer:
         """Ask for ``path`` exactly as it is, which a browser would tidy up; return status, body and headers."""
+        method = headers.pop("method", "GET")
+        return self.answer(method, path, {name.replace("_", "-"): value for name, value in headers.items()})
+
+    def answer(self, method: str, path: str, headers: dict[str, str], body: bytes | None = None) -> Answer:
+        """Send a request as it is; return status, body and headers."""
         connection = HTTPConnection("127.0.0.1", self.port, timeout=60)
         try:
-            connection.putrequest(headers.pop("method", "GET"), path, skip_host="Host" in headers)
-            for name, value in headers.items():
-                connection.putheader(name.replace("_", "-"), value)
-            connection.endheaders()
+            connection.putrequest(method, path, skip_host="Host" in headers)
+            for name, value in (headers | lengths(body)).items():
+                connection.putheader(name, value)
+            connection.endheaders(body)
             answer = connection.getresponse()
             return answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
         finally:
             connection.close()
+
+
+def lengths(body: bytes | None) -> dict[str, str]:
+    """Return the header that says how long a body is."""
+    return {} if body is None else {"Content-Length": str(len(body))}
+
+
+@dataclass(frozen=True)
+class Asked(Served):
+    """The same application without a server: it is called as a server would call it."""
+
+    app: Starlette
+    portal: BlockingPortal
+
+    def answer(self, method: str, path: str, headers: dict[str, str], body: bytes | None = None) -> Answer:
+        """Have the application answer."""
+        return self.portal.call(self._answered, method, path, headers | lengths(body), body)
+
+    async def _answered(self, method: str, path: str, headers: dict[str, str], body: bytes | None) -> Answer:
+        place, _, query = path.partition("?")
+        named = {"Host": f"127.0.0.1:{self.port}", "Accept-Encoding": "identity"} | headers
+        scope = {
+            "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": method, "scheme": "http",
+            "path": unquote(place), "raw_path": place.encode("ascii"), "query_string": query.encode("ascii"),
+            "root_path": "", "client": ("127.0.0.1", 50_000), "server": ("127.0.0.1", self.port),
+            "headers": [(name.lower().encode("latin-1"), value.encode("latin-1")) for name, value in named.items()],
+        }  # fmt: skip
+        sent: list[Any] = []
+        coming, answered = [{"type": "http.request", "body": body or b""}], Event()
+
+        async def receive() -> Any:
+            if not coming:
+                await answered.wait()
+            return coming.pop() if coming else {"type": "http.disconnect"}
+
+        async def send(message: Any) -> None:
+            sent.append(message)
+            if message["type"] == "http.response.body" and not message.get("more_body"):
+                answered.set()
+
+        with suppress(Exception):  # it has answered that something went wrong; a server would write it down
+            await self.app(scope, receive, send)
+        return (
+            sent[0]["status"],
+            b"".join(message.get("body", b"") for message in sent),
+            {name.decode("latin-1"): value.decode("latin-1") for name, value in sent[0]["headers"]},
+        )
 
 
 def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[int, str]:
@@ -71,14 +131,20 @@ def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[i
     origin = served.url.rstrip("/")
     sent = {"Origin": origin, "Content-Type": "application/json", **headers}
     data = body if isinstance(body, bytes) else json.dumps(body).encode()
-    connection = HTTPConnection("127.0.0.1", served.port, timeout=60)
-    try:
-        named = {name.replace("_", "-"): value for name, value in sent.items() if value is not None}
-        connection.request("POST", path, data, named)
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode()
-    finally:
-        connection.close()
+    named = {name.replace("_", "-"): value for name, value in sent.items() if value is not None}
+    status, answer, _ = served.answer("POST", path, named, data)
+    return status, answer.decode()
+
+
+@contextmanager
+def asking(served: Path | Callable[[str, int], Starlette]) -> Iterator[Asked]:
+    """Have what :class:`serving` serves at hand without a server: where no browser asks, and no socket matters."""
+    app = (page_or_table(served) if isinstance(served, Path) else served)("127.0.0.1", PORT)
+    with (
+        start_blocking_portal() as portal,
+        portal.wrap_async_context_manager(app.router.lifespan_context(app)),
+    ):
+        yield Asked(PORT, app, portal)
 
 
 class serving:

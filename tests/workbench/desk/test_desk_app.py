@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import pytest
 from starlette.requests import ClientDisconnect
-from workbench_page import Served, post, serving
+from workbench_page import Served, asking, post, serving
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
@@ -20,10 +20,12 @@ from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.desk_app import desk_app, take_file
 from endoct.workbench.running.outputs import POSE
 
+OVER_A_SOCKET = pytest.mark.parametrize("served", [serving], indirect=True, ids=["socket"])
+
 
 @pytest.fixture
-def served(desk: Desk) -> Iterator[Served]:
-    with serving(lambda host, port: desk_app(desk, host, port)) as found:
+def served(desk: Desk, request: pytest.FixtureRequest) -> Iterator[Served]:
+    with getattr(request, "param", asking)(lambda host, port: desk_app(desk, host, port)) as found:
         yield found
 
 
@@ -33,6 +35,7 @@ def address(desk: Desk, study: Path) -> str:
     return desk.open(study).address
 
 
+@OVER_A_SOCKET
 def test_the_pages_and_what_they_ask_for(served: Served, desk: Desk, address: str, study: Path):
     status, page, headers = served.get(f"{desk.root}/")
     assert (status, headers["referrer-policy"]) == (200, "no-referrer")
@@ -93,6 +96,7 @@ def test_a_sidecar_is_saved(served: Served, address: str, study: Path):
     assert "was changed meanwhile" in said
 
 
+@OVER_A_SOCKET
 def test_a_dropped_file_lies_in_the_folder(served: Served, address: str, study: Path):
     octets = {"Content-Type": "application/octet-stream"}
     assert post(served, f"{address}file?name=new%2Fslice_1.png", b"content", **octets)[0] == 200
@@ -174,6 +178,7 @@ def test_who_does_not_know_the_secret_gets_nothing(served: Served, desk: Desk, g
     assert desk.root.encode() not in body
 
 
+@OVER_A_SOCKET
 def test_a_part_of_the_secret_is_not_enough(served: Served, desk: Desk):
     for almost in (desk.root[:-1], f"{desk.root}0", desk.root.upper(), f"{desk.root[:-1]}é"):
         assert served.get(quote(f"{almost}/queue.json", safe="/"))[0] == 403 or almost == desk.root

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_browser import Watched, browser, opened
+from page_browser import WITHOUT_CARD, Watched, browser, opened
 from workbench_page import Served, serving
 
 from endoct.workbench.desk.desk import Desk
@@ -17,7 +17,7 @@ LONG_MS = 120_000
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    with browser() as started:
+    with browser(WITHOUT_CARD) as started:
         yield started
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_browser import browser
+from page_browser import WITHOUT_CARD, browser
 from workbench_page import Served, serving, written
 
 
@@ -22,7 +22,7 @@ def served(comparison: Path) -> Iterator[Served]:
         yield found
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[Any]:
-    with browser() as started:
+    with browser(WITHOUT_CARD) as started:
         yield started

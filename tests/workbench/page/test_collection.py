@@ -7,12 +7,13 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from page_browser import browser, opened
+from page_browser import opened
 from PIL import Image
-from workbench_page import Served, serving, written
+from workbench_page import Served, asking, serving, written
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
@@ -91,7 +92,7 @@ def test_links_are_not_followed(folder: Path, tmp_path: Path):
     assert [entry.name for entry in entries] == ["linked", "own"]
     with pytest.raises(EndoctError, match="is a link"):
         thumbnail(entries[0])
-    with serving(tmp_path / "inside") as served:
+    with asking(tmp_path / "inside") as served:
         assert served.get("/at/linked/")[0] == 500
         assert served.get("/at/own/")[0] == 200
         for name in ("elsewhere", "elsewhere/first/bore-2", "back/inside/own"):
@@ -153,7 +154,7 @@ def test_foreigners_are_refused(served: Served):
 
 def test_what_is_new_is_there_when_the_table_is_asked_for_again(tmp_path: Path):
     written(tmp_path / "many" / "one")
-    with serving(tmp_path / "many") as served:
+    with asking(tmp_path / "many") as served:
         assert served.get("/at/two/")[0] == 404
         written(tmp_path / "many" / "two")
         assert b"two" in served.get("/")[1]
@@ -177,7 +178,7 @@ def test_a_page_is_served_whatever_its_folder_is_called(name: bytes, tmp_path: P
         written(tmp_path / "many" / os.fsdecode(name))
     except OSError:
         pytest.skip("this disk has no such names")
-    with serving(tmp_path / "many") as served:
+    with asking(tmp_path / "many") as served:
         address = re.search(r'href="(/at/[^"]+)"', served.get("/")[1].decode())
         assert address is not None
         assert served.get(address[1])[0] == 200
@@ -189,7 +190,7 @@ def test_a_page_is_served_whatever_its_folder_is_called(name: bytes, tmp_path: P
 
 def test_thumbnails_are_those_of_the_table_they_are_in(tmp_path: Path):
     written(tmp_path / "many" / "b")
-    with serving(tmp_path / "many") as served:
+    with asking(tmp_path / "many") as served:
         version = re.search(r"/thumbnails/(\w+)/0", served.get("/")[1].decode())
         assert version is not None
         shown = served.get(f"/thumbnails/{version[1]}/0.png")[1]
@@ -199,8 +200,8 @@ def test_thumbnails_are_those_of_the_table_they_are_in(tmp_path: Path):
         assert served.get(f"/thumbnails/{version[1]}/0.png")[1] == shown
 
 
-def test_the_table_in_a_browser(folder: Path, served: Served):
-    with browser() as chromium, opened(chromium, served.url, ready="table.folder") as watched:
+def test_the_table_in_a_browser(chromium: Any, served: Served):
+    with opened(chromium, served.url, ready="table.folder") as watched:
         page = watched.page
         rows, names = page.locator("tbody tr"), page.locator("tbody tr:not([hidden]) td:nth-child(2)")
         assert page.locator("[role=status]").inner_text() == "6 of 6"
@@ -229,7 +230,7 @@ def test_the_table_in_a_browser(folder: Path, served: Served):
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (820, 1180)])
-def test_the_table_fits(served: Served, size: tuple[int, int]):
-    with browser() as chromium, opened(chromium, served.url, ready="table.folder") as watched:
+def test_the_table_fits(chromium: Any, served: Served, size: tuple[int, int]):
+    with opened(chromium, served.url, ready="table.folder") as watched:
         watched.page.set_viewport_size({"width": size[0], "height": size[1]})
         assert watched.page.evaluate("() => document.documentElement.scrollWidth") <= size[0]

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from page_browser import SOFTWARE_WEBGL, Watched, browser, opened
+from page_browser import Watched, opened
 from PIL import Image
 from volume_store import write_volume_store
 from workbench_page import Served, serving
@@ -25,16 +25,13 @@ MARK_PX = 3.0
 """How far a mark may stand from where it belongs: half a line, and what the relief's noise moves it."""
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    # the page itself is drawn without: the emulated card is for the cylinder
-    with browser((*SOFTWARE_WEBGL, "--disable-gpu-compositing")) as started:
-        page = started.new_page()
-        has_webgl = page.evaluate("() => !!document.createElement('canvas').getContext('webgl2')")
-        page.close()
-        if not has_webgl:
-            pytest.skip("this Chromium has no WebGL")
-        yield started
+@pytest.fixture(scope="module", autouse=True)
+def webgl(chromium: Any) -> None:
+    page = chromium.new_page()
+    has_webgl = page.evaluate("() => !!document.createElement('canvas').getContext('webgl2')")
+    page.close()
+    if not has_webgl:
+        pytest.skip("this Chromium has no WebGL")
 
 
 def drawn(watched: Watched) -> None:
@@ -66,8 +63,10 @@ def enlarge(watched: Watched) -> None:
 
 
 def look(watched: Watched, name: str, opening_deg: int = 0, cut_deg: int = 270) -> None:
-    watched.page.get_by_label("where it is cut open, θ").fill(str(cut_deg))
-    watched.page.get_by_label("how far it is open").fill(str(opening_deg))
+    for label, value in (("where it is cut open, θ", cut_deg), ("how far it is open", opening_deg)):
+        control = watched.page.get_by_label(label)
+        if control.input_value() != str(value):  # it is drawn anew each time
+            control.fill(str(value))
     watched.page.locator(".cylinder footer").get_by_role("button", name=name, exact=True).click()
     drawn(watched)
 
@@ -76,7 +75,7 @@ def choose(watched: Watched, layer: str | None = None, shape: str | None = None)
     for which, value in enumerate((layer, shape)):
         if value is not None:
             watched.page.locator(".cylinder header select").nth(which).select_option(value)
-            watched.page.wait_for_selector(".cylinder[data-filled]")
+            watched.page.wait_for_selector(".cylinder[data-filled]", timeout=60_000)
             drawn(watched)
 
 

@@ -4,12 +4,13 @@ import hashlib
 import shutil
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 from mock_comparison import GRID
-from page_browser import browser, opened
+from page_browser import opened
 from workbench_page import serving, written
 
 from endoct.base.doubt import Doubt
@@ -90,8 +91,8 @@ def test_a_panorama_inside_of_a_comparison_gets_none(tmp_path: Path):
     assert digests(folder) == before
 
 
-def test_in_the_browser_frames_and_quality_are_there_from_the_file_and_served(store: Path):
-    with browser() as chromium, serving(store) as served:
+def test_in_the_browser_frames_and_quality_are_there_from_the_file_and_served(chromium: Any, store: Path):
+    with serving(store) as served:
         for url in ((store / "report.html").as_uri(), served.url):
             with opened(chromium, url) as page:
                 assert page.page.title() == "endoct: wall: oct"

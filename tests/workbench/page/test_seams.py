@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_browser import SOFTWARE_WEBGL, browser, opened
+from page_browser import launched, opened
 from PIL import Image
 from workbench_page import serving
 
@@ -18,17 +18,19 @@ from endoct.stitching.store import save_panorama
 SHAPE = 120, 4096
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with browser(SOFTWARE_WEBGL) as started:
-        yield started
+@pytest.fixture
+def with_card(chromium: Any) -> Iterator[Any]:
+    """A browser whose card puts the page together too."""
+    started = launched(chromium.browser_type)
+    yield started
+    started.close()
 
 
-def test_a_wall_of_one_value_has_one_colour(chromium: Any, tmp_path: Path):
+def test_a_wall_of_one_value_has_one_colour(with_card: Any, tmp_path: Path):
     grid = SurfaceGrid.full_circle(*SHAPE, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
     even, valid = np.full(SHAPE, 0.5, np.float32), np.ones(SHAPE, np.bool_)
     save_panorama(Panorama(grid, even, None, valid, even, "oct", True, True), tmp_path / "wall.zarr")
-    with serving(tmp_path / "wall.zarr") as served, opened(chromium, served.url) as page:
+    with serving(tmp_path / "wall.zarr") as served, opened(with_card, served.url) as page:
         view = page.page.locator(".view")
         box = view.bounding_box()
         middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
