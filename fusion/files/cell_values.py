@@ -140,5 +140,5 @@ def _listed(values: NDArray[Any]) -> str:
     return "values " + ", ".join(f"{value:g}" for value in values) + ("" if 0 in values else ", none of them 0")
 
 
-def _unclear(subject: str, found: str) -> EndoctError:
-    return EndoctError(f"{subject} does not say what is cell", found=found, expected=EXPECTED, remedy=REMEDY)
+def _unclear(subject: str, held: str) -> EndoctError:
+    return EndoctError(f"{subject} does not say what is cell", found=held, expected=EXPECTED, remedy=REMEDY)

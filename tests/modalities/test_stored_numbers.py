@@ -199,7 +199,7 @@ IMAGEJ = "ImageJ=1.54f\nimages=2\nslices=2\n{}\n"
 
 
 @pytest.mark.parametrize(
-    ("said", "shown"),
+    ("said", "values"),
     [
         ("cf=0\nc0=-32768.0\nc1=1.0", lambda stored: stored.astype(np.float32) - 32768),
         ("cf=0\nc0=5\nc1=-0.5", lambda stored: (5 - 0.5 * stored.astype(np.float64)).astype(np.float32)),
@@ -208,12 +208,12 @@ IMAGEJ = "ImageJ=1.54f\nimages=2\nslices=2\n{}\n"
         ("unit=pixel", lambda stored: stored),
     ],
 )
-def test_the_line_of_imagej_is_applied(said: str, shown: Callable[[Any], Any], tmp_path: Path) -> None:
+def test_the_line_of_imagej_is_applied(said: str, values: Callable[[Any], Any], tmp_path: Path) -> None:
     stored = np.random.default_rng(4).integers(0, 65536, (2, 40, 48), dtype=np.uint16)
     tifffile.imwrite(
         tmp_path / "a.tif", stored, photometric="minisblack", description=IMAGEJ.format(said), metadata=None
     )
-    stack, expected = open_stack(tmp_path / "a.tif"), shown(stored)
+    stack, expected = open_stack(tmp_path / "a.tif"), values(stored)
     assert stack.dtype == expected.dtype
     np.testing.assert_array_equal(stack[1], expected[1])
     assert any("ImageJ's calibration" in note for note in stack.remarks.notes) == (expected.dtype == np.float32)

@@ -26,7 +26,7 @@ from endoct.modalities.registry import manifest_for, manifests, open_recording, 
 from endoct.modalities.stated import stated_keys
 from endoct.stitching.store import is_panorama, load_panorama
 from endoct.workbench.pipeline.sidecar_template import missing_keys, missing_lines
-from endoct.workbench.pipeline.unread import beside, texts_in
+from endoct.workbench.pipeline.unread import texts_in, unread_next_to
 from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 from endoct.workbench.running.outputs import THUMBNAIL
 
@@ -176,7 +176,7 @@ def _recording(path: Path, modality: str | None) -> dict[str, object]:
     if stream is not None:
         remarks += Remarks(notes_on_gaps(stream.acquisition.positions_mm))
     facts |= {"doubts": [doubt.to_json() for doubt in remarks.doubts], "notes": list(remarks.notes)}
-    if path.is_dir() and (unread := beside(path, manifest, texts_in(keys))).count:
+    if path.is_dir() and (unread := unread_next_to(path, manifest, texts_in(keys))).count:
         facts["unread"] = unread.to_json()
     return facts | {"next": _next(path, sidecar, bool(missing), modality)}
 

@@ -33,7 +33,7 @@ class Unread:
         return {"count": self.count, "files": list(self._listed)}
 
 
-def beside(folder: Path, manifest: Manifest, cited: Container[str]) -> Unread:
+def unread_next_to(folder: Path, manifest: Manifest, cited: Container[str]) -> Unread:
     """Return the files in the folder of a recording that are no part of it, by name.
 
     No frames, no sidecars or files ``cited`` there, and of no suffix that its plug-in reads.

@@ -20,7 +20,7 @@ from endoct.modalities.registry import manifest_for, open_recording
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
-from endoct.workbench.pipeline.unread import beside, texts_in
+from endoct.workbench.pipeline.unread import texts_in, unread_next_to
 
 
 def frames(folder: Path) -> Path:
@@ -305,14 +305,17 @@ def test_files_beside_frames_that_nothing_reads_are_listed(tmp_path: Path) -> No
 def test_files_that_a_sidecar_cites_are_no_junk(tmp_path: Path) -> None:
     manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
     (tmp_path / "endo" / "rises.txt").write_text("1\n2")
-    assert beside(tmp_path / "endo", manifest, texts_in({"spectra": {"chirp": "rises.txt", "samples": 2}})).count == 0
-    assert beside(tmp_path / "endo", manifest, texts_in({"note": "other"})).count == 1
+    assert (
+        unread_next_to(tmp_path / "endo", manifest, texts_in({"spectra": {"chirp": "rises.txt", "samples": 2}})).count
+        == 0
+    )
+    assert unread_next_to(tmp_path / "endo", manifest, texts_in({"note": "other"})).count == 1
 
 
 def test_so_many_files_are_opened_at_most(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
     for k in range(5):
         (tmp_path / "endo" / f"{k}.scan").write_bytes(b"II*\0")  # begins as a TIFF does
-    assert beside(tmp_path / "endo", manifest, ()).count == 0  # they hold frames
+    assert unread_next_to(tmp_path / "endo", manifest, ()).count == 0  # they hold frames
     monkeypatch.setattr("endoct.workbench.pipeline.unread.MOST_ASKED", 3)
-    assert beside(tmp_path / "endo", manifest, ()).count == 2
+    assert unread_next_to(tmp_path / "endo", manifest, ()).count == 2

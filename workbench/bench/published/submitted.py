@@ -75,8 +75,8 @@ def check_credible(submission: Submission, name: str, specimens: Sequence[str]) 
     same cases. Scores are those of the task, within what they can be. Programs are methods, under names of their own.
     """
 
-    def refuse(why: str, found: str, expected: str) -> EndoctError:
-        return EndoctError(f"the submission {name} cannot be used: {why}", found=found, expected=expected)
+    def refuse(why: str, value: str, expected: str) -> EndoctError:
+        return EndoctError(f"the submission {name} cannot be used: {why}", found=value, expected=expected)
 
     if len(submission.methods) > MOST_METHODS:
         raise refuse("too many methods", f"{len(submission.methods)}", f"{MOST_METHODS} at most")

@@ -136,26 +136,26 @@ def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
             weights_for("endoscope", str(path))
 
 
-def spoilt(tmp_path: Path, what: str) -> Path:
+def spoilt(tmp_path: Path, fault: str) -> Path:
     """A file of weights that is at fault."""
     path, eye = tmp_path / "spoilt.safetensors", Eye()
     state = {name: weights.detach().half() for name, weights in eye.state_dict().items()}
-    card = '["endoscope"]' if what == "list" else '{"modality": "endoscope"}'
-    if what in ("nan", "inf"):
-        state["out.bias"][0] = float(what)
-    if what == "float32":
+    card = '["endoscope"]' if fault == "list" else '{"modality": "endoscope"}'
+    if fault in ("nan", "inf"):
+        state["out.bias"][0] = float(fault)
+    if fault == "float32":
         state["out.bias"] = torch.full((1,), 1e30)
     save_file(state, path, metadata={"card": card})
-    if what == "large":
+    if fault == "large":
         path.write_bytes(path.read_bytes() + bytes(16_000_000))
-    if what == "pipe":
+    if fault == "pipe":
         path.unlink()
         os.mkfifo(path)
     return path
 
 
 @pytest.mark.parametrize(
-    ("what", "match"),
+    ("fault", "match"),
     [
         ("nan", "no finite half floats"),
         ("inf", "no finite half floats"),
@@ -165,9 +165,9 @@ def spoilt(tmp_path: Path, what: str) -> Path:
         ("pipe", "found a pipe"),
     ],
 )
-def test_weights_that_would_mislead_or_never_end_are_refused(tmp_path: Path, what: str, match: str) -> None:
+def test_weights_that_would_mislead_or_never_end_are_refused(tmp_path: Path, fault: str, match: str) -> None:
     with pytest.raises(EndoctError, match=match):
-        weights_for("endoscope", str(spoilt(tmp_path, what)))
+        weights_for("endoscope", str(spoilt(tmp_path, fault)))
 
 
 def test_the_number_of_torchs_threads_changes_nothing(weights: Path) -> None:
