@@ -19,7 +19,7 @@ import cv2
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.output import check_place
-from endoct.base.files.scratch import new_file, scratch_next_to
+from endoct.base.files.scratch import clear_dead_scratch, new_file, scratch_next_to
 from endoct.stitching.store import save_panorama
 from endoct.workbench import api
 from endoct.workbench.bench.published.definition import Half, Planned, Size, load_definition, planned
@@ -122,6 +122,7 @@ def _begin(output: Path, begun: SpecimenSet) -> None:
                 expected=f"the {begun.half} half of {begun.set}, of the same key",
                 remedy="choose another folder",
             )
+        clear_dead_scratch(output)
         return
     if output.exists() and any(output.iterdir()):
         raise EndoctError(f"{output} is no set, and not empty", remedy="choose another folder")

@@ -126,3 +126,13 @@ def test_each_half_has_its_key(tmp_path: Path) -> None:
         make_set(tmp_path, "endoct-bench-1", half="hidden", stages=SilentStages())
     with pytest.raises(EndoctError, match="key of its own"):
         make_set(tmp_path, "endoct-bench-1", key=5, stages=SilentStages())
+
+
+def test_what_a_killed_run_left_is_cleared(tmp_path: Path) -> None:
+    begun = SpecimenSet(set="endoct-bench-1", half="public", size="small", key="", versions={}, specimens=())
+    making._begin(tmp_path / "set", begun)
+    stale = tmp_path / "set" / ".endoct-simulator-easy-003-x"
+    stale.mkdir()
+    (stale / "lock").write_text("process 1 on a machine\n")
+    making._begin(tmp_path / "set", begun)
+    assert [path.name for path in (tmp_path / "set").iterdir()] == ["set.json"]
