@@ -22,6 +22,7 @@ from pydicom.uid import (
 
 from benchmarks.fuzz.dicom_writer import CAPTURES, pixels, write
 from endoct.base.errors import EndoctError
+from endoct.modalities.dicom.decoding import stream_of
 from endoct.modalities.dicom.dicom_file import DIRECTORY, is_dicom, kind_of
 from endoct.modalities.dicom.image import open_image
 from endoct.modalities.dicom.samples import as_seen
@@ -321,3 +322,22 @@ def test_no_header_and_samples_that_end_early_are_refused(tmp_path: Path) -> Non
     path.write_bytes(data.replace(b"OW\0\0\x0c\0\0\0", b"OW\0\0\xff\xff\xff\xff"))
     with pytest.raises(EndoctError, match="samples of a length that is not known"):
         open_image(path)
+
+
+def test_a_stream_says_whether_it_lost_something() -> None:
+    words = np.arange(256, dtype=np.uint16).reshape(16, 16)
+    whole, near = imagecodecs.jpegls_encode(words), imagecodecs.jpegls_encode(words, level=3)
+    loose = imagecodecs.jpeg2k_encode(words, level=40, reversible=False, codecformat="j2k")
+    streams = [stream_of(bytes(data)) for data in (whole, near, j2k(words), loose, lossless(words, 16))]
+    assert [stream is not None and stream.lossy for stream in streams] == [False, True, False, True, False]
+
+
+def test_words_that_were_compressed_whole_are_shifted(tmp_path: Path) -> None:
+    one = coded([bytes(imagecodecs.jpegls_encode(WORDS[0] << 4))], WORDS, BitsStored=12, HighBit=15)
+    assert read(tmp_path, LS, one) == (WORDS[0].tolist(), [])
+
+
+def test_a_table_with_one_place_twice_leads_nowhere(tmp_path: Path) -> None:
+    one = _fragments(b"aa", b"bb", b"cc", frames=TWO, bot=bytes(8))
+    with pytest.raises(EndoctError, match="leads nowhere"):
+        open_image(write(one, tmp_path / "a.dcm", LS))
