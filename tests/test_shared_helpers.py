@@ -11,7 +11,7 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.routing import Route
-from workbench_page import Served, asking, post, serving
+from workbench_page import Served, application, post, serving
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_who_comes_after_a_failure_gets_a_new_one(kept: KeptProcess) -> None:
 
 
 def echo(host: str, port: int) -> Starlette:
-    async def told(request: Request) -> JSONResponse:
+    async def answered(request: Request) -> JSONResponse:
         if request.headers.get("fails"):
             raise ValueError("asked for")
         sent = {name: value for name, value in request.headers.items() if name != "host"}
@@ -79,7 +79,7 @@ def echo(host: str, port: int) -> Starlette:
         return PlainTextResponse(str(error), 500)
 
     return Starlette(
-        routes=[Route("/{rest:path}", told, methods=["GET", "POST"])], exception_handlers={Exception: failed}
+        routes=[Route("/{rest:path}", answered, methods=["GET", "POST"])], exception_handlers={Exception: failed}
     )
 
 
@@ -97,7 +97,7 @@ def answers(served: Served) -> list[object]:
 
 
 def test_an_application_that_is_asked_answers_as_by_a_server() -> None:
-    by: list[Callable[..., object]] = [serving, asking]
+    by: list[Callable[..., object]] = [serving, application]
     found = []
     for how in by:
         with how(echo) as served:

@@ -137,7 +137,7 @@ def post(served: Served, path: str, body: Any, **headers: str | None) -> tuple[i
 
 
 @contextmanager
-def asking(served: Path | Callable[[str, int], Starlette]) -> Iterator[Asked]:
+def application(served: Path | Callable[[str, int], Starlette]) -> Iterator[Asked]:
     """Have what :class:`serving` serves at hand without a server: where no browser asks, and no socket matters."""
     app = (page_or_table(served) if isinstance(served, Path) else served)("127.0.0.1", PORT)
     with (

@@ -272,10 +272,10 @@ def pictures(folder: Path, rng: Random) -> Coded:
     return Coded(folder / "a.dcm", truth, not fault, lossy=syntax == JPEG, said=said)
 
 
-def is_right(found: NDArray[Any], coded: Coded) -> bool:
+def is_right(frames: NDArray[Any], coded: Coded) -> bool:
     """Say whether frames are those that were drawn; what JPEG loses does not count, nor which end comes first."""
-    if found.shape != coded.truth.shape:
+    if frames.shape != coded.truth.shape:
         return False
     if coded.lossy:
-        return bool(np.abs(found.astype(float) - coded.truth).mean() < 4)
-    return math.isclose(float(np.abs(found - coded.truth.astype(np.float64)).max()), 0)
+        return bool(np.abs(frames.astype(float) - coded.truth).mean() < 4)
+    return math.isclose(float(np.abs(frames - coded.truth.astype(np.float64)).max()), 0)

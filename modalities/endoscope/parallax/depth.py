@@ -121,12 +121,12 @@ def _finest_alike(stream: FrameStream, calibration: EndoscopeCalibration, fine: 
     """Return the finest scale of texture that the frames in the middle have in common, mm, or None."""
     middle, half = fine.n_blocks[0] // 2, round(LOOK_MM / 2 / fine.block_size_mm[0])
     rows, wall = range(max(0, middle - half), min(fine.n_blocks[0], middle + half)), np.zeros(1)
-    shown = _shown(rows, calibration, fine, wall)
+    frames = _frames_of(rows, calibration, fine, wall)
     on_samples = on_fine_rows(calibration, fine)
-    strips = list(thread_map(lambda k: fine_strip(stream[k], on_samples), shown))
+    strips = list(thread_map(lambda k: fine_strip(stream[k], on_samples), frames))
     for scale_mm in SCALES_MM:
         textures = [texture(strip, scale_mm, fine.samples) for strip in strips]
-        costs = _costs(rows, shown, textures, calibration, fine, wall)
+        costs = _costs(rows, frames, textures, calibration, fine, wall)
         seen = costs[costs != UNSEEN]
         if seen.size and np.median(seen) < ALIKE * COST:
             return scale_mm
@@ -139,30 +139,30 @@ def _rays(calibration: EndoscopeCalibration) -> tuple[Coordinates, Coordinates]:
     return calibration.strip_z_mm, optics.slant(optics.r_px(calibration.strip_z_mm))
 
 
-def _shown(rows: range, calibration: EndoscopeCalibration, fine: FineGrid, depths_mm: Coordinates) -> list[int]:
-    """Return which frames may show these rows of blocks if they lie at one of ``depths_mm``."""
+def _frames_of(rows: range, calibration: EndoscopeCalibration, fine: FineGrid, depths_mm: Coordinates) -> list[int]:
+    """Return the frames that may show these rows of blocks if they lie at one of ``depths_mm``."""
     z_mm = fine.z_mm(rows)
     along_mm, slant = _rays(calibration)
     ends_mm = along_mm + slant * depths_mm[:, None]
-    shown = (calibration.z_mm >= z_mm[0, 0] - ends_mm.max()) & (calibration.z_mm <= z_mm[-1, -1] - ends_mm.min())
-    return [int(k) for k in np.flatnonzero(shown)]
+    frames = (calibration.z_mm >= z_mm[0, 0] - ends_mm.max()) & (calibration.z_mm <= z_mm[-1, -1] - ends_mm.min())
+    return [int(k) for k in np.flatnonzero(frames)]
 
 
 def _costs(
     rows: range,
-    shown: Sequence[int],
+    frames: Sequence[int],
     textures: Sequence[Texture],
     calibration: EndoscopeCalibration,
     fine: FineGrid,
     depths_mm: Coordinates,
 ) -> Costs:
-    """Return what each of ``depths_mm`` costs by ``textures`` of the frames ``shown``, as :func:`sweep` does."""
+    """Return what each of ``depths_mm`` costs by ``textures`` of ``frames``, as :func:`sweep` does."""
     first, stack = stacked(textures, _ROOM)
     return sweep(
         stack,
         np.asarray(fine.samples.z0_mm + fine.samples.dz_mm * first, dtype=np.float64),
         fine.samples.dz_mm,
-        calibration.z_mm[shown],
+        calibration.z_mm[frames],
         _rays(calibration),
         fine.z_mm(rows),
         depths_mm,
@@ -176,8 +176,8 @@ def _swept(
 
     The spread is NaN where the wall is not seen by two frames.
     """
-    shown = _shown(piece.swept, calibration, fine, DEPTHS_MM)
-    costs = _costs(piece.swept, shown, [textures[k] for k in shown], calibration, fine, DEPTHS_MM)
+    frames = _frames_of(piece.swept, calibration, fine, DEPTHS_MM)
+    costs = _costs(piece.swept, frames, [textures[k] for k in frames], calibration, fine, DEPTHS_MM)
     unseen = costs[:, :, WALL] == UNSEEN  # at the ends, what is deep may be seen by two frames, and the wall by one
     np.minimum(costs, COST, out=costs)
     smooth = _mean_around(costs, fine)

@@ -35,9 +35,9 @@ def spread(costs: Costs, depth_mm: Image, depths_mm: Coordinates, doubt: float) 
     A depth that costs ``doubt`` more than the cheapest is 1/e as probable.
     """
     table = np.exp(-np.arange(256) / doubt).astype(np.float32)
-    found = np.empty_like(depth_mm)
-    _spread(costs, depth_mm, depths_mm.astype(np.float32), np.gradient(depths_mm).astype(np.float32), table, found)
-    return found
+    spread_mm = np.empty_like(depth_mm)
+    _spread(costs, depth_mm, depths_mm.astype(np.float32), np.gradient(depths_mm).astype(np.float32), table, spread_mm)
+    return spread_mm
 
 
 @compiled
@@ -104,7 +104,7 @@ def _least(total: NDArray[np.uint16], places: Coordinates) -> None:
 
 
 @compiled
-def _spread(costs: Costs, depth_mm: Image, depths_mm: Image, shares: Image, table: Image, found: Image) -> None:
+def _spread(costs: Costs, depth_mm: Image, depths_mm: Image, shares: Image, table: Image, spread_mm: Image) -> None:
     for i in range(costs.shape[0]):
         for j in range(costs.shape[1]):
             least = costs[i, j].min()
@@ -113,4 +113,4 @@ def _spread(costs: Costs, depth_mm: Image, depths_mm: Image, shares: Image, tabl
                 probable = table[costs[i, j, d] - least] * shares[d]
                 whole += probable
                 square += probable * (depths_mm[d] - depth_mm[i, j]) ** 2
-            found[i, j] = np.sqrt(square / whole)
+            spread_mm[i, j] = np.sqrt(square / whole)

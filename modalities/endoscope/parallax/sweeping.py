@@ -116,26 +116,26 @@ def _fill(
 
 @compiled
 def _add_two(
-    one: NDArray[np.int8], two: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]
+    row: NDArray[np.int8], other: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]
 ) -> None:
     for j in range(total.size):
-        x, y = np.int32(one[j]), np.int32(two[j])
+        x, y = np.int32(row[j]), np.int32(other[j])
         total[j] += x + y
         squares[j] += x * x + y * y
 
 
 @compiled
-def _add_one(one: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]) -> None:
+def _add_one(row: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]) -> None:
     for j in range(total.size):
-        x = np.int32(one[j])
+        x = np.int32(row[j])
         total[j] += x
         squares[j] += x * x
 
 
 @compiled
-def _leave_out(one: NDArray[np.int8], count: NDArray[np.int32]) -> None:
+def _leave_out(row: NDArray[np.int8], count: NDArray[np.int32]) -> None:
     for j in range(count.size):
-        count[j] -= np.int32(one[j] == UNKNOWN)
+        count[j] -= np.int32(row[j] == UNKNOWN)
 
 
 @compiled

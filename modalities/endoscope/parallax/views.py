@@ -94,14 +94,14 @@ class Strip:
 
     first: int
     logs: Image
-    seen: Mask
+    known: Mask
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
     """The local contrast of a strip, int8 (n_rows, n_columns), ``STEPS_A_SPREAD`` for one spread.
 
-    It is ``UNKNOWN`` where nothing is seen, and nowhere else.
+    It is ``UNKNOWN`` where nothing is known, and nowhere else.
     """
 
     first: int
@@ -149,16 +149,16 @@ def texture(strip: Strip, scale_mm: float, grid: SurfaceGrid) -> Texture:
         cv2.blur(smooth, box, dst=smooth, borderType=cv2.BORDER_REPLICATE)
         return smooth
 
-    logs, seen = padded("logs", strip.logs), padded("seen", strip.seen.view(np.uint8))
+    logs, known = padded("logs", strip.logs), padded("known", strip.known.view(np.uint8))
     weight = _ROOM.array("weight", shape)
-    np.copyto(weight, seen)
+    np.copyto(weight, known)
     np.multiply(logs, weight, out=logs)
     share_near, share_around = mean_near("share near", weight), mean_around("share around", weight)
     contrast, around = mean_near("contrast", logs), mean_around("around", logs)
     square = logs
-    _contrast(contrast, around, seen, (share_near, share_around), square)
+    _contrast(contrast, around, known, (share_near, share_around), square)
     steps = np.empty(strip.logs.shape, np.int8)
-    _in_spreads(contrast, mean_around("around", square), seen, share_around, beyond, steps)
+    _in_spreads(contrast, mean_around("around", square), known, share_around, beyond, steps)
     return Texture(strip.first, steps)
 
 
@@ -168,14 +168,14 @@ def _box(sigma_px: float) -> int:
 
 
 @compiled
-def _contrast(near: Image, around: Image, seen: NDArray[np.uint8], shares: tuple[Image, Image], square: Image) -> None:
+def _contrast(near: Image, around: Image, known: NDArray[np.uint8], shares: tuple[Image, Image], square: Image) -> None:
     """Turn means ``near`` samples into their contrast with those ``around``, 0 where unseen; write its ``square``."""
     share_near, share_around = shares
     for i in range(near.shape[0]):
         for j in range(near.shape[1]):
             # what is seen has a share of itself
             contrast = (
-                near[i, j] / share_near[i, j] - around[i, j] / share_around[i, j] if seen[i, j] else np.float32(0)
+                near[i, j] / share_near[i, j] - around[i, j] / share_around[i, j] if known[i, j] else np.float32(0)
             )
             near[i, j] = contrast
             square[i, j] = contrast * contrast
@@ -185,7 +185,7 @@ def _contrast(near: Image, around: Image, seen: NDArray[np.uint8], shares: tuple
 def _in_spreads(
     contrast: Image,
     square: Image,
-    seen: NDArray[np.uint8],
+    known: NDArray[np.uint8],
     share: Image,
     beyond: int,
     steps: NDArray[np.int8],
@@ -194,7 +194,7 @@ def _in_spreads(
     for i in range(steps.shape[0]):
         for j in range(steps.shape[1]):
             b = j + beyond
-            if seen[i, b]:
+            if known[i, b]:
                 spread = np.sqrt(max(square[i, b], np.float32(0)) / share[i, b]) + np.float32(LEAST_SPREAD)
                 step = min(max(np.float32(STEPS_A_SPREAD) * contrast[i, b] / spread, np.float32(-127)), np.float32(127))
                 steps[i, j] = np.int8(step + (np.float32(1) if step >= 0 else np.float32(-1)) * np.float32(0.5))

@@ -34,18 +34,18 @@ DOUBT = "dicom-header-against-pictures"
 
 
 def made(frames: NDArray[Any] = WORDS, photometric: str = "MONOCHROME2", **elements: Any) -> Dataset:
-    one = pixels(frames, photometric)
+    dataset = pixels(frames, photometric)
     usual = {"SOPClassUID": CAPTURES, "SOPInstanceUID": "1.2.3", "Modality": "ES", "InstanceNumber": 1}
     for keyword, value in (usual | elements).items():
-        setattr(one, keyword, value)
-    return one
+        setattr(dataset, keyword, value)
+    return dataset
 
 
 def coded(pictures: list[bytes], frames: NDArray[Any], photometric: str = "MONOCHROME2", **elements: Any) -> Dataset:
-    one = made(frames, photometric, **elements)
-    one.PixelData = encapsulate(pictures, has_bot=False)
-    one["PixelData"].is_undefined_length = True
-    return one
+    dataset = made(frames, photometric, **elements)
+    dataset.PixelData = encapsulate(pictures, has_bot=False)
+    dataset["PixelData"].is_undefined_length = True
+    return dataset
 
 
 def j2k(words: NDArray[Any], **how: Any) -> bytes:
@@ -60,9 +60,9 @@ def large(value: int) -> NDArray[np.uint16]:
     return np.full((16, 16), value, np.uint16)
 
 
-def read(path: Path, syntax: str, one: Dataset) -> tuple[list[Any], list[str]]:
+def read(path: Path, syntax: str, dataset: Dataset) -> tuple[list[Any], list[str]]:
     """Return the numbers of the first frame, and the codes of what is doubted."""
-    image = open_image(write(one, path / "a.dcm", syntax))
+    image = open_image(write(dataset, path / "a.dcm", syntax))
     assert image.read is not None
     return image.read(0).tolist(), [doubt.code for doubt in image.doubts]
 
@@ -79,8 +79,8 @@ def test_numbers_lie_in_the_bits_that_the_header_says(tmp_path: Path) -> None:
 
 
 def test_rle_holds_words_and_its_numbers_lie_in_the_same_bits(tmp_path: Path) -> None:
-    one = _rle(WORDS << 4, BitsStored=12, HighBit=15)
-    assert read(tmp_path, RLELossless, one) == (WORDS[0].tolist(), [])
+    dataset = _rle(WORDS << 4, BitsStored=12, HighBit=15)
+    assert read(tmp_path, RLELossless, dataset) == (WORDS[0].tolist(), [])
 
 
 @pytest.mark.parametrize(
@@ -100,8 +100,8 @@ def test_a_sign_that_jpeg_2000_or_the_header_knows_is_there(
     numbers = np.array([[-2000, 5], [0, 4000]], np.int16)
     words = numbers if stream_signed else numbers.view(np.uint16) & np.uint16((1 << bits) - 1)
     header = {"PixelRepresentation": says_signed, "BitsStored": stored, "HighBit": stored - 1}
-    one = coded([j2k(words, bitspersample=bits)], words[None], **header)
-    assert read(tmp_path, J2K, one) == (numbers.tolist(), [DOUBT] if stream_signed != bool(says_signed) else [])
+    dataset = coded([j2k(words, bitspersample=bits)], words[None], **header)
+    assert read(tmp_path, J2K, dataset) == (numbers.tolist(), [DOUBT] if stream_signed != bool(says_signed) else [])
 
 
 def test_signed_numbers_of_fewer_bits_than_the_header_has_are_doubted(tmp_path: Path) -> None:
@@ -113,18 +113,18 @@ def test_signed_numbers_of_fewer_bits_than_the_header_has_are_doubted(tmp_path: 
             codes,
         )
     wide = large(0xF830)
-    one = coded([lossless(wide, 16)], wide[None], PixelRepresentation=1, BitsStored=12, HighBit=11)
-    assert read(tmp_path, LOSSLESS, one)[0][0][0] == -2000
+    dataset = coded([lossless(wide, 16)], wide[None], PixelRepresentation=1, BitsStored=12, HighBit=11)
+    assert read(tmp_path, LOSSLESS, dataset)[0][0][0] == -2000
 
 
 @pytest.mark.parametrize(("kind", "rows"), [("OW", 3), ("OB", 3), ("OW", 4)])
 def test_bytes_in_words_of_big_endian_are_put_back(tmp_path: Path, kind: str, rows: int) -> None:
     frames = np.arange(2 * rows * 3, dtype=np.uint8).reshape(2, rows, 3)
-    one = made(frames)
+    dataset = made(frames)
     if kind == "OW":
-        one.PixelData = np.frombuffer(one.PixelData, "u2").byteswap().tobytes()
-    one["PixelData"].VR = kind
-    path = write(one, tmp_path / "a.dcm", ExplicitVRBigEndian)
+        dataset.PixelData = np.frombuffer(dataset.PixelData, "u2").byteswap().tobytes()
+    dataset["PixelData"].VR = kind
+    path = write(dataset, tmp_path / "a.dcm", ExplicitVRBigEndian)
     image = open_image(path)
     assert image.read is not None
     assert np.array_equal([image.read(k) for k in range(2)], frames)
@@ -149,8 +149,8 @@ def test_colours_of_a_jpeg_are_those_that_it_says(
     )
     if strip:
         data = data[:2] + data[4 + int.from_bytes(data[4:6], "big") :]
-    one = coded([data], COLOUR[None], says)
-    found, codes = read(tmp_path, JPEG, one)
+    dataset = coded([data], COLOUR[None], says)
+    found, codes = read(tmp_path, JPEG, dataset)
     assert np.abs(np.array(found) - COLOUR).max() < 4
     assert codes == [DOUBT] * doubted
 
@@ -161,8 +161,8 @@ def test_colours_of_a_jpeg_are_those_that_it_says(
 def test_colours_of_jpeg_2000_are_those_that_it_turns_back(
     tmp_path: Path, mct: bool, says: str, codes: list[str]
 ) -> None:
-    one = coded([j2k(COLOUR, mct=mct)], COLOUR[None], says)
-    image = open_image(write(one, tmp_path / "a.dcm", J2K))
+    dataset = coded([j2k(COLOUR, mct=mct)], COLOUR[None], says)
+    image = open_image(write(dataset, tmp_path / "a.dcm", J2K))
     assert image.read is not None
     assert np.array_equal(as_seen(image.read(0), image.read), COLOUR)
     assert [doubt.code for doubt in image.doubts] == codes
@@ -178,20 +178,20 @@ def test_a_stream_is_decoded_by_what_it_is_whatever_the_syntax(tmp_path: Path) -
 
 def test_frames_of_single_bits_may_begin_within_a_byte(tmp_path: Path) -> None:
     frames = np.random.default_rng(2).integers(0, 2, (3, 5, 7), dtype=np.uint8)
-    one = made(frames, BitsAllocated=1, BitsStored=1, HighBit=0)
-    one.PixelData = np.packbits(frames.ravel(), bitorder="little").tobytes()
-    image = open_image(write(one, tmp_path / "a.dcm"))
+    dataset = made(frames, BitsAllocated=1, BitsStored=1, HighBit=0)
+    dataset.PixelData = np.packbits(frames.ravel(), bitorder="little").tobytes()
+    image = open_image(write(dataset, tmp_path / "a.dcm"))
     assert image.read is not None
     assert np.array_equal([image.read(k) for k in range(3)], frames)
 
 
 def test_a_directory_is_known_by_its_meta_header(tmp_path: Path) -> None:
     files = FileSet()
-    one = made(
+    dataset = made(
         PatientID="0", PatientName="a", StudyInstanceUID="1.2.4", SeriesInstanceUID="1.2.5", StudyDate="20200101"
     )
-    one.StudyTime, one.StudyID, one.SeriesNumber = "000000", "1", 1
-    write(one, tmp_path / "a.dcm")
+    dataset.StudyTime, dataset.StudyID, dataset.SeriesNumber = "000000", "1", 1
+    write(dataset, tmp_path / "a.dcm")
     files.add(tmp_path / "a.dcm")
     files.write(tmp_path / "set")
     files._stage["t"].cleanup()  # which it leaves to whoever collects it
@@ -202,28 +202,28 @@ def test_a_directory_is_known_by_its_meta_header(tmp_path: Path) -> None:
 def test_bare_data_sets_are_known_by_their_first_element(tmp_path: Path, implicit: bool) -> None:
     path = tmp_path / "a"
     for keyword, value in (("ImageType", "ORIGINAL"), ("InstanceCreationDate", "20200101"), ("SOPClassUID", "1.2")):
-        one = Dataset()
-        setattr(one, keyword, value)
-        one.save_as(path, implicit_vr=implicit, little_endian=True)
+        dataset = Dataset()
+        setattr(dataset, keyword, value)
+        dataset.save_as(path, implicit_vr=implicit, little_endian=True)
         assert is_dicom(path)
-    one.save_as(path, implicit_vr=False, little_endian=False)
+    dataset.save_as(path, implicit_vr=False, little_endian=False)
     assert is_dicom(path)
     path.write_bytes(b"\x08\x00 no data set at all")
     assert not is_dicom(path)
 
 
 def _without(keyword: str) -> Dataset:
-    one = made()
-    del one[keyword]
-    return one
+    dataset = made()
+    del dataset[keyword]
+    return dataset
 
 
 def _fragments(*pieces: bytes, frames: NDArray[Any] = WORDS, bot: bytes = b"") -> Dataset:
-    one = coded([b"xx"], frames)
+    dataset = coded([b"xx"], frames)
     items = b"".join(b"\xfe\xff\x00\xe0" + len(piece).to_bytes(4, "little") + piece for piece in (bot, *pieces))
-    one.PixelData = items
-    one["PixelData"].is_undefined_length = True
-    return one
+    dataset.PixelData = items
+    dataset["PixelData"].is_undefined_length = True
+    return dataset
 
 
 TWO = np.concatenate([WORDS, WORDS])
@@ -263,16 +263,16 @@ def _scans() -> bytes:
 
 
 def _rle(frames: NDArray[Any], **elements: Any) -> Dataset:
-    one = made(frames)
-    one.file_meta = FileMetaDataset()
-    one.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
-    one.compress(RLELossless, generate_instance_uid=False)
+    dataset = made(frames)
+    dataset.file_meta = FileMetaDataset()
+    dataset.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+    dataset.compress(RLELossless, generate_instance_uid=False)
     for keyword, value in elements.items():
-        setattr(one, keyword, value)
-    return one
+        setattr(dataset, keyword, value)
+    return dataset
 
 
-def _seen(path: Path) -> None:
+def _check_colours(path: Path) -> None:
     image = open_image(path)
     assert image.read is not None
     as_seen(image.read(0), image.read)
@@ -283,7 +283,7 @@ def test_what_contradicts_itself_is_refused_in_one_line(tmp_path: Path, said: st
     syntax, build = GUARDS[said]
     path = write(build(), tmp_path / "a.dcm", syntax)
     with pytest.raises(EndoctError) as raised:
-        _seen(path)
+        _check_colours(path)
     assert said in str(raised.value)
     assert "\n" not in str(raised.value)
 
@@ -333,11 +333,11 @@ def test_a_stream_says_whether_it_lost_something() -> None:
 
 
 def test_words_that_were_compressed_whole_are_shifted(tmp_path: Path) -> None:
-    one = coded([bytes(imagecodecs.jpegls_encode(WORDS[0] << 4))], WORDS, BitsStored=12, HighBit=15)
-    assert read(tmp_path, LS, one) == (WORDS[0].tolist(), [])
+    dataset = coded([bytes(imagecodecs.jpegls_encode(WORDS[0] << 4))], WORDS, BitsStored=12, HighBit=15)
+    assert read(tmp_path, LS, dataset) == (WORDS[0].tolist(), [])
 
 
 def test_a_table_with_one_place_twice_leads_nowhere(tmp_path: Path) -> None:
-    one = _fragments(b"aa", b"bb", b"cc", frames=TWO, bot=bytes(8))
+    dataset = _fragments(b"aa", b"bb", b"cc", frames=TWO, bot=bytes(8))
     with pytest.raises(EndoctError, match="leads nowhere"):
-        open_image(write(one, tmp_path / "a.dcm", LS))
+        open_image(write(dataset, tmp_path / "a.dcm", LS))

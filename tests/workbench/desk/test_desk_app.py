@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import pytest
 from starlette.requests import ClientDisconnect
-from workbench_page import Served, asking, post, serving
+from workbench_page import Served, application, post, serving
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
@@ -25,7 +25,7 @@ OVER_A_SOCKET = pytest.mark.parametrize("served", [serving], indirect=True, ids=
 
 @pytest.fixture
 def served(desk: Desk, request: pytest.FixtureRequest) -> Iterator[Served]:
-    with getattr(request, "param", asking)(lambda host, port: desk_app(desk, host, port)) as found:
+    with getattr(request, "param", application)(lambda host, port: desk_app(desk, host, port)) as found:
         yield found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from page_browser import opened
 from PIL import Image
-from workbench_page import Served, asking, serving, written
+from workbench_page import Served, application, serving, written
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
@@ -92,7 +92,7 @@ def test_links_are_not_followed(folder: Path, tmp_path: Path):
     assert [entry.name for entry in entries] == ["linked", "own"]
     with pytest.raises(EndoctError, match="is a link"):
         thumbnail(entries[0])
-    with asking(tmp_path / "inside") as served:
+    with application(tmp_path / "inside") as served:
         assert served.get("/at/linked/")[0] == 500
         assert served.get("/at/own/")[0] == 200
         for name in ("elsewhere", "elsewhere/first/bore-2", "back/inside/own"):
@@ -154,7 +154,7 @@ def test_foreigners_are_refused(served: Served):
 
 def test_what_is_new_is_there_when_the_table_is_asked_for_again(tmp_path: Path):
     written(tmp_path / "many" / "one")
-    with asking(tmp_path / "many") as served:
+    with application(tmp_path / "many") as served:
         assert served.get("/at/two/")[0] == 404
         written(tmp_path / "many" / "two")
         assert b"two" in served.get("/")[1]
@@ -178,7 +178,7 @@ def test_a_page_is_served_whatever_its_folder_is_called(name: bytes, tmp_path: P
         written(tmp_path / "many" / os.fsdecode(name))
     except OSError:
         pytest.skip("this disk has no such names")
-    with asking(tmp_path / "many") as served:
+    with application(tmp_path / "many") as served:
         address = re.search(r'href="(/at/[^"]+)"', served.get("/")[1].decode())
         assert address is not None
         assert served.get(address[1])[0] == 200
@@ -190,7 +190,7 @@ def test_a_page_is_served_whatever_its_folder_is_called(name: bytes, tmp_path: P
 
 def test_thumbnails_are_those_of_the_table_they_are_in(tmp_path: Path):
     written(tmp_path / "many" / "b")
-    with asking(tmp_path / "many") as served:
+    with application(tmp_path / "many") as served:
         version = re.search(r"/thumbnails/(\w+)/0", served.get("/")[1].decode())
         assert version is not None
         shown = served.get(f"/thumbnails/{version[1]}/0.png")[1]

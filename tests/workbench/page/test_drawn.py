@@ -13,7 +13,7 @@ from bore_pairs import make_pair
 from mock_comparison import GRID
 from page_browser import opened
 from PIL import Image
-from workbench_page import asking, serving, written
+from workbench_page import application, serving, written
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn, save_drawings
@@ -38,7 +38,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_drawn_masks_are_layers_and_outlines(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         description = json.loads(served.get("/description.json")[1])
         titles = {layer["key"]: layer["title"] for layer in description["layers"]}
         assert titles["drawn.1"] == "drawn: anna"

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
-from workbench_page import asking, post
+from workbench_page import application, post
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
@@ -39,7 +39,7 @@ def drawing(**changed: Any) -> dict[str, Any]:
 
 def test_a_mask_is_saved_as_it_was_outlined_and_read_by_compare(folder: Path):
     seal(folder, COMPARISON)
-    with asking(folder) as served:
+    with application(folder) as served:
         status, said = post(served, "/masks.json", drawing())
         assert status == 200
         answer = json.loads(said)
@@ -63,7 +63,7 @@ def test_a_mask_is_saved_as_it_was_outlined_and_read_by_compare(folder: Path):
 
 
 def test_no_mask_is_ever_replaced(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         assert post(served, "/masks.json", drawing())[0] == 200
         before = (folder / "masks" / "endoscope" / "anna_1.png").read_bytes()
         status, said = post(served, "/masks.json", drawing(shapes=[{**STROKE, "radius_mm": 0.4}]))
@@ -79,7 +79,7 @@ def test_no_mask_is_ever_replaced(folder: Path):
 
 @pytest.mark.parametrize("side", ["endoscope", "oct"])
 def test_the_cells_of_either_side_are_corrected(folder: Path, side: str):
-    with asking(folder) as served:
+    with application(folder) as served:
         shapes = [{"points": [[5.5, 0.7]], "adds": True, "radius_mm": 0.1}]
         assert post(served, "/masks.json", drawing(side=side, ground="cells", shapes=shapes))[0] == 200
     saved = np.asarray(Image.open(folder / "masks" / side / "anna_1.png")) > 0
@@ -107,7 +107,7 @@ def test_the_cells_of_either_side_are_corrected(folder: Path, side: str):
 )
 def test_what_is_no_mask_is_refused(folder: Path, changed: dict[str, Any], said: str):
     before = sorted(folder.rglob("*.png"))
-    with asking(folder) as served:
+    with application(folder) as served:
         status, answer = post(served, "/masks.json", drawing(**changed))
     if changed != {"rater": None}:  # which is a name like another
         assert status == 409
@@ -116,7 +116,7 @@ def test_what_is_no_mask_is_refused(folder: Path, changed: dict[str, Any], said:
 
 
 def test_what_is_no_json_is_called_so(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         for body in (b"{", b"[]", b'"x"'):
             status, said = post(served, "/masks.json", body)
             assert status == 409
@@ -124,7 +124,7 @@ def test_what_is_no_json_is_called_so(folder: Path):
 
 
 def test_another_page_draws_nothing(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         for path in ("/masks.json", "/drawing.json"):
             assert post(served, path, drawing(), Origin="http://evil.example")[0] == 403
             assert post(served, path, drawing(), Origin=None)[0] == 403
@@ -135,13 +135,13 @@ def test_another_page_draws_nothing(folder: Path):
 def test_a_link_is_not_followed(folder: Path, tmp_path: Path):
     (tmp_path / "elsewhere").mkdir()
     (folder / "masks").symlink_to(tmp_path / "elsewhere")
-    with asking(folder) as served:
+    with application(folder) as served:
         assert post(served, "/masks.json", drawing())[0] == 409
     assert list((tmp_path / "elsewhere").iterdir()) == []
 
 
 def test_a_panorama_alone_has_no_masks(folder: Path):
-    with asking(folder / "panoramas" / "oct.zarr") as served:
+    with application(folder / "panoramas" / "oct.zarr") as served:
         assert served.get("/masks.json")[0] == 404
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from page_browser import opened
-from workbench_page import PAIR, Served, asking, post, serving, written
+from workbench_page import PAIR, Served, application, post, serving, written
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import held_folder
@@ -50,7 +50,7 @@ def with_output(address: str, output: str) -> str:
 
 @pytest.mark.parametrize("page", ["/", "/at/result/"], ids=["alone", "in a table"])
 def test_a_page_never_gets_what_belongs_to_another_comparison(folder: Path, page: str) -> None:
-    with asking(folder if page == "/" else folder.parent) as served:
+    with application(folder if page == "/" else folder.parent) as served:
         first = output_of(served, page)
         for address in DATA:
             assert served.get(page + with_output(address, first))[0] in (200, 204)
@@ -69,7 +69,7 @@ def test_a_page_never_gets_what_belongs_to_another_comparison(folder: Path, page
 
 @pytest.mark.parametrize("page", ["/", "/at/result/"], ids=["alone", "in a table"])
 def test_landmarks_are_not_saved_into_another_comparison(folder: Path, page: str) -> None:
-    with asking(folder if page == "/" else folder.parent) as served:
+    with application(folder if page == "/" else folder.parent) as served:
         first = output_of(served, page)
         away = replace(folder)
         for look in (lambda: None, lambda: output_of(served, page)):  # another window may load the page anew
@@ -85,7 +85,7 @@ def test_landmarks_are_not_saved_into_another_comparison(folder: Path, page: str
 
 @pytest.mark.parametrize("page", ["/", "/at/result/"], ids=["alone", "in a table"])
 def test_a_folder_that_was_deleted_stays_so(folder: Path, page: str) -> None:
-    with asking(folder if page == "/" else folder.parent) as served:
+    with application(folder if page == "/" else folder.parent) as served:
         first = output_of(served, page)
         shutil.rmtree(folder)
         for address in ("session.json", "landmarks.json"):
@@ -97,7 +97,7 @@ def test_a_folder_that_was_deleted_stays_so(folder: Path, page: str) -> None:
 
 
 def test_what_is_put_back_is_served_again(folder: Path) -> None:
-    with asking(folder) as served:
+    with application(folder) as served:
         first = output_of(served)
         away = replace(folder)
         assert served.get(with_output("/description.json", first))[0] == 410
@@ -109,7 +109,7 @@ def test_what_is_put_back_is_served_again(folder: Path) -> None:
 
 def test_saving_landmarks_and_reports_makes_it_no_other(folder: Path) -> None:
     shown = open_shown(folder)
-    with asking(folder) as served:
+    with application(folder) as served:
         assert post(served, "/session.json", SAVING)[0] == 200
     (folder / "report.html").write_text("written anew")
     shown.origin.check_present()

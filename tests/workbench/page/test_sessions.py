@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from workbench_page import PAIR, Served, asking, post, written
+from workbench_page import PAIR, Served, application, post, written
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME as LIST_NAME
@@ -45,7 +45,7 @@ def test_pairs_are_judged_as_shown_and_as_corrected(served: Served):
 
 
 def test_a_session_is_saved_loaded_and_saved_again(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         before = json.loads(served.get("/session.json")[1])
         assert (before["pairs"], before["saved"], before["refused"]) == ([], None, "")
         assert f"--session {folder}/session.json" in before["command"]
@@ -70,7 +70,7 @@ def test_a_part_of_another_output_takes_no_landmarks(folder: Path, tmp_path: Pat
     shutil.copytree(folder, part)
     (part / LIST_NAME).unlink(missing_ok=True)
     seal(tmp_path / "pose", "pose")
-    with asking(part) as served:
+    with application(part) as served:
         assert "a part of pose" in json.loads(served.get("/session.json")[1])["refused"]
         status, text = post(served, "/session.json", {"pairs": [PAIR], "based_on": None})
     assert status == 409
@@ -81,7 +81,7 @@ def test_a_part_of_another_output_takes_no_landmarks(folder: Path, tmp_path: Pat
 @pytest.mark.parametrize("text", ["my notes", "{}", '{"format": "endoct-session-9"}'])
 def test_what_is_no_session_of_ours_is_never_overwritten(folder: Path, text: str):
     (folder / "session.json").write_text(text)
-    with asking(folder) as served:
+    with application(folder) as served:
         assert json.loads(served.get("/session.json")[1])["refused"]
         for based_on in (None, "0" * 64):
             assert post(served, "/session.json", {"pairs": [PAIR], "based_on": based_on})[0] == 409
@@ -94,7 +94,7 @@ def test_a_session_of_another_comparison_is_neither_loaded_nor_overwritten(folde
     a, b = shown.session.identities
     content = Session((a, replace(b, recording="0" * 64))).to_bytes()
     (folder / "session.json").write_bytes(content)
-    with asking(folder) as served:
+    with application(folder) as served:
         state = json.loads(served.get("/session.json")[1])
         assert "belongs to another comparison" in state["refused"]
         assert "another recording of oct" in state["refused"]
@@ -108,7 +108,7 @@ def test_a_link_is_not_followed(folder: Path, tmp_path: Path):
         if existing:
             target.write_text("precious")
         (folder / "session.json").symlink_to(target)
-        with asking(folder) as served:
+        with application(folder) as served:
             assert "is a link" in json.loads(served.get("/session.json")[1])["refused"]
             assert post(served, "/session.json", {"pairs": [PAIR], "based_on": None})[0] == 409
         (folder / "session.json").unlink()
@@ -131,7 +131,7 @@ def test_a_link_is_not_followed(folder: Path, tmp_path: Path):
     ],
 )
 def test_what_another_page_sends_is_refused(folder: Path, path: str, headers: dict[str, str | None], expected: int):
-    with asking(folder) as served:
+    with application(folder) as served:
         assert post(served, path, {"pairs": [PAIR], "based_on": None}, **headers)[0] == expected
     assert not (folder / "session.json").exists()
 
@@ -153,7 +153,7 @@ def test_what_another_page_sends_is_refused(folder: Path, path: str, headers: di
     ],
 )  # fmt: skip
 def test_nonsense_is_refused_in_one_line(folder: Path, path: str, body: Any):
-    with asking(folder) as served:
+    with application(folder) as served:
         status, said = post(served, path, body)
     assert status == 409
     assert "\n" not in said
@@ -162,7 +162,7 @@ def test_nonsense_is_refused_in_one_line(folder: Path, path: str, body: Any):
 
 
 def test_a_huge_body_is_refused(folder: Path):
-    with asking(folder) as served:
+    with application(folder) as served:
         for path in ("/session.json", "/landmarks.json"):
             with suppress(BrokenPipeError, ConnectionResetError):  # it need not have read all of it to refuse
                 assert post(served, path, b" " * 5_000_000)[0] == 413

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from volume_store import write_volume_store
-from workbench_page import Served, asking
+from workbench_page import Served, application
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.page.volume import MOST, nearest_rows, volume_bytes
@@ -51,7 +51,7 @@ def test_a_damaged_one_is_one_line(tmp_path: Path):
     for chunk in (store / "volume" / "intensity" / "c").rglob("*"):
         if chunk.is_file():
             chunk.write_bytes(b"nonsense")
-    with asking(store) as served:
+    with application(store) as served:
         status, body, _ = served.get("/volume/v.bin")
     assert status == 500
     assert b"\n" not in body

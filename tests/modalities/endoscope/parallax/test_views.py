@@ -22,8 +22,8 @@ GRID = SurfaceGrid.full_circle(N_ROWS, N_COLUMNS, z0_mm=0.0, dz_mm=0.005, radius
 EVERYWHERE = np.ones((N_ROWS, N_COLUMNS), np.bool_)
 
 
-def of(logs: Image, seen: Mask = EVERYWHERE) -> Image:
-    return texture(Strip(7, logs.astype(np.float32), seen), SCALE_MM, GRID).contrast.astype(np.float32)
+def of(logs: Image, known: Mask = EVERYWHERE) -> Image:
+    return texture(Strip(7, logs.astype(np.float32), known), SCALE_MM, GRID).contrast.astype(np.float32)
 
 
 @pytest.fixture
@@ -55,14 +55,14 @@ def test_where_nothing_varies_nothing_stands_out(logs: Image) -> None:
 
 
 def test_it_is_unknown_where_unseen_and_only_there_and_tells_nothing_of_it(logs: Image) -> None:
-    seen = EVERYWHERE.copy()
-    seen[30:50, 250:] = seen[30:50, :30] = seen[:2] = False
-    steps = of(logs, seen)
-    np.testing.assert_array_equal(steps == UNKNOWN, ~seen)
-    np.testing.assert_array_equal(of(np.where(seen, logs, 40), seen), steps)
-    assert (of(np.full_like(logs, -2.0), seen)[seen] != UNKNOWN).all()
-    assert np.abs(of(np.full_like(logs, -2.0), seen)).max() <= 1  # an edge of what is seen is none of the wall
-    assert steps[seen].std() == pytest.approx(STEPS_A_SPREAD, rel=0.3)
+    known = EVERYWHERE.copy()
+    known[30:50, 250:] = known[30:50, :30] = known[:2] = False
+    steps = of(logs, known)
+    np.testing.assert_array_equal(steps == UNKNOWN, ~known)
+    np.testing.assert_array_equal(of(np.where(known, logs, 40), known), steps)
+    assert (of(np.full_like(logs, -2.0), known)[known] != UNKNOWN).all()
+    assert np.abs(of(np.full_like(logs, -2.0), known)).max() <= 1  # an edge of what is seen is none of the wall
+    assert steps[known].std() == pytest.approx(STEPS_A_SPREAD, rel=0.3)
 
 
 def test_shorter_strips_end_in_the_unknown() -> None:
