@@ -21,7 +21,6 @@ from endoct.base.numeric.circle import pad_circle
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.parallax.matching import best_depths, spread
-from endoct.modalities.endoscope.parallax.openings import darkness, lie_behind, more_error_mm
 from endoct.modalities.endoscope.parallax.sweeping import COST, UNSEEN, Costs, sweep
 from endoct.modalities.endoscope.parallax.views import (
     FineGrid,
@@ -80,23 +79,16 @@ def add_parallax(panorama: Panorama, stream: FrameStream, calibration: Endoscope
             textures.append(each)
         of_piece = partial(_swept, textures=textures, calibration=calibration, fine=fine)
         found = list(thread_map(of_piece, _pieces(fine)))
-    depth_mm, spread_mm, rough_mm = (np.concatenate(each) for each in zip(*found, strict=True))
+    depth_mm, error_mm = (np.concatenate(each) for each in zip(*found, strict=True))
+    relative = SCALE_ASSUMED if calibration.optics.assumed else SCALE_STATED
+    error_mm = np.hypot(error_mm, relative * depth_mm)
     rows, columns = fine.block_of(panorama.grid)
-    depth_mm, spread_mm, rough_mm = (each[np.ix_(rows, columns)] for each in (depth_mm, spread_mm, rough_mm))
-    dark, assumed = darkness(panorama), calibration.optics.assumed
-    relative = SCALE_ASSUMED if assumed else SCALE_STATED
-    error_mm = np.sqrt(spread_mm**2 + (ROUGHNESS * rough_mm) ** 2 + (relative * depth_mm) ** 2)
-    known = panorama.valid & (error_mm <= MOST_ERROR_MM)
-    wall = known & (dark == 0)
-    if not wall.any() or (assumed and not lie_behind(dark, depth_mm, known)):
-        known[:] = False
-    else:
-        error_mm = np.hypot(error_mm, more_error_mm(dark, depth_mm - np.median(depth_mm[wall]), spread_mm))
-        known &= error_mm <= MOST_ERROR_MM
+    of_samples = np.ix_(rows, columns)
+    known = panorama.valid & (error_mm <= MOST_ERROR_MM)[of_samples]
     return replace(
         panorama,
-        parallax_depth_mm=np.where(known, depth_mm, np.float32(np.nan)),
-        parallax_error_mm=np.where(known, np.maximum(error_mm, np.float32(LEAST_ERROR_MM)), np.float32(np.nan)),
+        parallax_depth_mm=np.where(known, depth_mm[of_samples], np.nan),
+        parallax_error_mm=np.where(known, np.maximum(error_mm, LEAST_ERROR_MM)[of_samples], np.nan),
     )
 
 
@@ -171,21 +163,18 @@ def _costs(
 
 def _swept(
     piece: _Piece, textures: Kept[Texture], calibration: EndoscopeCalibration, fine: FineGrid
-) -> tuple[Image, Image, Image]:
-    """Return depth, its spread and roughness, of the blocks of a piece, mm, float32 (rows, blocks around).
-
-    The spread is NaN where the wall is not seen by two frames.
-    """
+) -> tuple[Image, Image]:
+    """Return depth and standard error of the blocks of a piece, mm, float32 (rows, blocks around); NaN where unseen."""
     frames = _frames_of(piece.swept, calibration, fine, DEPTHS_MM)
     costs = _costs(piece.swept, frames, [textures[k] for k in frames], calibration, fine, DEPTHS_MM)
     unseen = costs[:, :, WALL] == UNSEEN  # at the ends, what is deep may be seen by two frames, and the wall by one
     np.minimum(costs, COST, out=costs)
     smooth = _mean_around(costs, fine)
     depth_mm = best_depths(smooth, round(STEP * COST), round(JUMP * COST), DEPTHS_MM)
-    spread_mm = spread(smooth, depth_mm, DEPTHS_MM, DOUBT * COST)
-    spread_mm[unseen] = np.nan
+    error_mm = np.hypot(spread(smooth, depth_mm, DEPTHS_MM, DOUBT * COST), ROUGHNESS * _roughness(depth_mm))
+    error_mm[unseen] = np.nan
     inside = slice(piece.kept.start - piece.swept.start, piece.kept.stop - piece.swept.start)
-    return depth_mm[inside], spread_mm[inside], _roughness(depth_mm)[inside]
+    return depth_mm[inside], error_mm[inside]
 
 
 def _mean_around(costs: Costs, fine: FineGrid) -> Costs:

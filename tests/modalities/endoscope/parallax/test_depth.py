@@ -136,30 +136,3 @@ def test_frames_that_are_all_the_same_show_no_depth(unrolled: Unrolled) -> None:
 def test_nobody_looks_where_it_is_not_wanted(quick_specimen: Path) -> None:
     panorama = unroll(quick_specimen / "endoscope", settings={"parallax": False})
     assert panorama.parallax_depth_mm is None
-
-
-def test_assumed_optics_tell_no_depth_where_openings_lie_with_the_wall(unrolled: Unrolled) -> None:
-    panorama, stream, calibration = unrolled
-    depth_mm = panorama.parallax_depth_mm
-    assert depth_mm is not None
-    painted = np.zeros(depth_mm.shape, np.bool_)
-    painted[100:200, 300:500] = True
-    painted &= np.abs(depth_mm) < 0.02
-    bare = replace(
-        panorama,
-        intensity=np.where(painted, np.float32(0.3), np.float32(0.5)),
-        parallax_depth_mm=None,
-        parallax_error_mm=None,
-    )
-    stated, assumed = (
-        add_parallax(bare, stream, replace(calibration, optics=replace(calibration.optics, assumed=each)))
-        for each in (False, True)
-    )
-    assert stated.parallax_error_mm is not None
-    assert assumed.parallax_depth_mm is not None
-    assert np.isnan(assumed.parallax_depth_mm).all()
-    error_mm, before_mm = stated.parallax_error_mm, panorama.parallax_error_mm
-    assert before_mm is not None
-    both = painted & np.isfinite(error_mm) & np.isfinite(before_mm)
-    assert both.sum() > 1000
-    assert np.median(error_mm[both] / before_mm[both]) > 2  # what is as dark as an opening there is doubted
