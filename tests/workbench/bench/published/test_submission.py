@@ -214,7 +214,7 @@ def test_scores_left_out_or_added_are_another_result() -> None:
 def test_rows_are_counted_by_verdict() -> None:
     rows = [rerun({"jaccard": 0.7}, {"jaccard": value}) for value in (0.7, 0.7 + 1e-9, 0.7, 0.1)]
     stated = submission([row.stated for row in rows], [entry("a")])
-    checked = Checked(stated, tuple(rows), stated.data_digest)
+    checked = Checked(stated, tuple(rows), stated.data_digest, {})
     assert [checked.count(verdict) for verdict in ("equal", "near", "different")] == [2, 1, 1]
     assert checked.is_of_equal_data
-    assert not Checked(stated, tuple(rows), "0" * 64).is_of_equal_data
+    assert not Checked(stated, tuple(rows), "0" * 64, {}).is_of_equal_data
