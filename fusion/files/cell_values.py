@@ -57,16 +57,18 @@ def cells_in_colour(samples: NDArray[Any], subject: str) -> Mask:
             raise EndoctError(f"{subject} shows no cells", found="all of it is transparent")
         if (colours == colours[..., :1]).all():
             return cells_of(colours[..., 0], subject)
-        kinds = np.unique(_packed(colours))
-        if len(kinds) != 2 or kinds[0] != 0:
-            raise _unclear(subject, f"{len(kinds)} colours" + ("" if kinds[0] == 0 else ", none of them black"))
-        return np.asarray(colours.any(axis=2))
+        drawn = colours.any(axis=2)
+        if drawn.all() or not _is_one_colour(colours[drawn]):
+            kinds = np.unique(colours[drawn], axis=0)
+            none = ", none of them black" if drawn.all() else ""
+            raise _unclear(subject, f"{len(kinds) + (not none)} colours{none}")
+        return np.asarray(drawn)
     opaque = opacity != 0
-    levels, kinds = np.unique(opacity), np.unique(_packed(colours[opaque]))
+    levels = np.unique(opacity)
     if len(levels) != 2 or levels[0] != 0:
         raise _unclear(subject, f"{len(levels)} degrees of transparency")
-    if len(kinds) > 1:
-        raise _unclear(subject, f"{len(kinds)} colours on a transparent ground")
+    if not _is_one_colour(colours[opaque]):
+        raise _unclear(subject, f"{len(np.unique(colours[opaque], axis=0))} colours on a transparent ground")
     return np.asarray(opaque)
 
 
@@ -126,12 +128,9 @@ def _are_labels(samples: NDArray[Any]) -> bool:
     return bool(beyond or (on_ground >= LEAST_ON_GROUND * border).all())  # no grey values or votes go as far as that
 
 
-def _packed(colours: NDArray[Any]) -> NDArray[np.int64]:
-    """Return colours (…, channel) of 16 bits at most as one number each, 0 where all channels are."""
-    packed = np.zeros(colours.shape[:-1], np.int64)
-    for channel in range(colours.shape[-1]):
-        packed = (packed << 16) | colours[..., channel].astype(np.int64)
-    return packed
+def _is_one_colour(colours: NDArray[Any]) -> bool:
+    """Say whether all of ``colours`` (n, channel) are alike; there is one at least."""
+    return bool((colours == colours[0]).all())
 
 
 def _listed(values: NDArray[Any]) -> str:

@@ -32,6 +32,9 @@ _MOST_OUTLINES = 10_000
 _FARTHEST_TURNS, _MOST_TURNS = 8, 3
 """An outline may begin some turns away, but hardly run around the bore."""
 _FARTHEST_ROW = 1e6
+_MOST_TESTS = 2e10
+"""Every sample around an outline is held against every corner: a minute for so many."""
+_MOST_OF_PATH = 1_000_000
 _POINTS_OF = {0: 1, 1: 1, 2: 2, 3: 3, 4: 0}
 """Points that a segment of an area of Java takes: move, line, quadratic and cubic curve, close (``PathIterator``)."""
 _CURVE = np.linspace(0, 1, 17)[1:, np.newaxis]
@@ -51,7 +54,7 @@ def filled(path: Path, shape: tuple[int, int] | None) -> Mask:
     if not path.is_file():
         raise EndoctError(f"{path} does not exist", remedy="check the path")
     cell = np.zeros(shape, np.bool_)
-    count = 0
+    count = n_tests = 0
     for area in _napari(path) if path.suffix.lower() == ".csv" else _fiji(path):
         count += len(area)
         if count > _MOST_OUTLINES:
@@ -61,6 +64,8 @@ def filled(path: Path, shape: tuple[int, int] | None) -> Mask:
             for outline in area[1:]:
                 inside ^= fill(outline, shape)
             cell |= inside
+            n_tests += sum(_tests(outline, shape) for outline in area)
+            _check_tests(n_tests)
     return cell
 
 
@@ -83,9 +88,26 @@ def fill(outline: Coordinates, shape: tuple[int, int]) -> Mask:
     turns = int(np.floor(outline[:, 1].max() / n_theta)) - turns_before + 1
     if turns > _MOST_TURNS:
         raise EndoctError("an outline runs around the bore", found=f"{turns} turns", expected=f"{_MOST_TURNS} at most")
+    _check_tests(_tests(outline, shape))
     unrolled = np.zeros((n_z, turns * n_theta), np.bool_)
     unrolled[polygon(outline[:, 0], outline[:, 1] - turns_before * n_theta, unrolled.shape)] = True
     return np.asarray(unrolled.reshape(n_z, turns, n_theta).any(axis=1))
+
+
+def _tests(outline: Coordinates, shape: tuple[int, int]) -> int:
+    """Return how many pairs of a sample and a corner there are in filling ``outline``, which is finite."""
+    rows, columns = np.clip(outline[:, 0], 0, shape[0]), outline[:, 1]
+    return int(len(outline) * (np.ptp(rows) + 1) * (np.ptp(columns) + 1))
+
+
+def _check_tests(n_tests: int) -> None:
+    if n_tests > _MOST_TESTS:
+        raise EndoctError(
+            "outlines would take minutes to fill",
+            found=f"{n_tests:.2g} pairs of a corner and a sample around it",
+            expected=f"{_MOST_TESTS:.2g} at most",
+            remedy="draw them with fewer corners, or save a label image",
+        )
 
 
 def _napari(path: Path) -> Iterator[list[Coordinates]]:
@@ -164,7 +186,7 @@ def _fiji(path: Path) -> Iterator[list[Coordinates]]:
                     expected="a polygon, freehand, rectangle, oval, or an area composed of these",
                     remedy="remove it, or draw it as one of these",
                 )
-            area = _subpaths(roi.multi_coordinates.tolist()) if roi.composite else [_outline(roi)]
+            area = _subpaths(roi.multi_coordinates) if roi.composite else [_outline(roi)]
             area = [np.asarray(outline, dtype=np.float64)[:, ::-1] - 0.5 for outline in area]
         yield area
 
@@ -192,12 +214,15 @@ def _outline(roi: Any) -> NDArray[Any]:
     return np.asarray(roi.coordinates())
 
 
-def _subpaths(path: list[float]) -> list[NDArray[Any]]:
+def _subpaths(stored: NDArray[Any]) -> list[NDArray[Any]]:
     """Return the closed outlines of a composed area, (n, 2) as (x, y).
 
-    ``path`` is as ImageJ's ``ShapeRoi`` stores it: the kind of each segment, then its points. Raises ``ValueError``
-    where it is none; outlines of fewer than three points enclose nothing, and are left out.
+    ``stored`` is a path as ImageJ's ``ShapeRoi`` has it: the kind of each segment, then its points. Raises
+    ``ValueError`` where it is none; outlines of fewer than three points enclose nothing, and are left out.
     """
+    if stored.size > _MOST_OF_PATH:
+        raise ValueError(f"a path of {stored.size} numbers")
+    path = stored.tolist()
     outlines: list[list[NDArray[Any]]] = []
     at = 0
     while at < len(path):

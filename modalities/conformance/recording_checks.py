@@ -31,6 +31,9 @@ from endoct.modalities.contract import Channel, FrameStream, Sniff
 HEAVY = ("torch", "cv2")
 """A manifest must not import these."""
 
+LONGEST_S = 120.0
+"""Importing a manifest takes a second, on a busy machine some."""
+
 OPENING_SLACK_BYTES = 16 * 2**20
 """Opening may take this much memory besides the first frame and its conversions."""
 
@@ -57,13 +60,17 @@ def manifest_is_light(subject: Subject) -> None:
     entries = entry_points(group="endoct.modalities", name=subject.manifest.name)
     modules = sorted({entry.module for entry in entries} | {subject.manifest.acquisition.__module__})
     script = f"import sys, {', '.join(modules)}; print(*sys.modules.keys() & {set(HEAVY)})"
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-        check=False,
-    )
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", script],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+            check=False,
+            timeout=LONGEST_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise NotConforming(f"importing {', '.join(modules)} has no end within {LONGEST_S:g} s") from error
     demand(run.returncode == 0, f"{', '.join(modules)} cannot be imported: {run.stderr.strip()[-300:]}")
     demand(not run.stdout.strip(), f"importing {', '.join(modules)} loads {run.stdout.strip()}")
 

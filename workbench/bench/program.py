@@ -6,6 +6,7 @@ What both folders hold is up to the task, see :class:`endoct.workbench.bench.tas
 """
 
 import json
+import os
 import shlex
 import subprocess
 import time
@@ -92,9 +93,10 @@ class Program:
 
 def _size(path: Path) -> int:
     """Return the bytes of a file, or of all files below a folder, links not followed."""
+    below = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
     total = 0
-    for place in (path, *path.rglob("*")):
-        with suppress(OSError):  # it was renamed meanwhile
+    for place in (path, *below):
+        with suppress(OSError):  # it was renamed meanwhile; `os.walk` passes over what was
             total += place.lstat().st_size
     return total
 

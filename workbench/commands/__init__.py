@@ -19,8 +19,9 @@ from endoct.workbench.commands.comparisons import Compare, report, serve, summar
 from endoct.workbench.commands.opening import open_folder
 from endoct.workbench.commands.outputs import Export, verify
 from endoct.workbench.commands.poses import Pose
+from endoct.workbench.commands.published import Submit, board, check, layout, make
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll, modalities
-from endoct.workbench.commands.research import Bench, Submit, board, check, layout, make, train
+from endoct.workbench.commands.research import Bench, train
 from endoct.workbench.commands.simulations import Dataset, Simulate, demo, warm_up
 from endoct.workbench.running.refusals import DONE, WRONG_USAGE, visible_lines
 

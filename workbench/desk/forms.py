@@ -162,9 +162,9 @@ def _words(field: FormField, value: object, folder: Path) -> Iterator[str]:
     if field.kind in ("path", "paths") or _may_be_file(field, texts):
         texts = [path_within(folder, text) for text in texts]
     if field.kind == "lines":
-        for value in (text.partition("=")[2] for text in texts):
-            if "/" in value or exists(folder / value):  # the value of a setting may be a file
-                path_within(folder, value)
+        for stated in filter(None, (text.partition("=")[2] for text in texts)):
+            if "/" in stated or exists(folder / stated):  # the value of a setting may be a file
+                path_within(folder, stated)
     if not field.flag:
         yield from texts
     elif field.kind == "paths":

@@ -323,7 +323,7 @@ def _place(request: Request, name: str, most: float) -> float:
 
 
 class Json(JSONResponse):
-    """JSON of what a person's files are called: bytes of a name that are no text are escaped,."""
+    """JSON with names of files, in which bytes that are no text are escaped."""
 
     def render(self, content: Any) -> bytes:
         """Return the bytes to send."""

@@ -36,13 +36,21 @@ class Unread:
 def unread_next_to(folder: Path, manifest: Manifest, cited: Container[str]) -> Unread:
     """Return the files in the folder of a recording that are no part of it, by name.
 
-    No frames, no sidecars or files ``cited`` there, and of no suffix that its plug-in reads.
+    No frames, no sidecars or files ``cited`` there, and of no suffix that its plug-in reads. Beyond ``MOST_ASKED``
+    files, those whose suffix frames have had are taken for frames.
     """
     unread = Unread()
     files = (file for file in sorted(entries(folder)) if file.is_file() and not accompanies(file))
     others = (file for file in files if file.suffix.lower() not in manifest.suffixes and file.name not in cited)
+    of_frames: set[str] = set()
     for asked, file in enumerate(others):
-        if asked >= MOST_ASKED or not gives_frames(file):
+        if file.suffix in of_frames and asked >= MOST_ASKED:
+            continue
+        if asked >= MOST_ASKED:
+            unread.add(file.name, file, f"not looked at, as {MOST_ASKED} others were")
+        elif gives_frames(file):
+            of_frames.add(file.suffix)
+        else:
             unread.add(file.name, file)
     return unread
 

@@ -149,7 +149,7 @@ def _costs(
     depths_mm: Coordinates,
 ) -> Costs:
     """Return what each of ``depths_mm`` costs by ``textures`` of ``frames``, as :func:`sweep` does."""
-    first, stack = stacked(textures, _ROOM)
+    first, stack = stacked(textures, fine.samples.n_theta, _ROOM)
     return sweep(
         stack,
         np.asarray(fine.samples.z0_mm + fine.samples.dz_mm * first, dtype=np.float64),

@@ -204,13 +204,12 @@ def _in_spreads(
                 steps[i, j] = UNKNOWN
 
 
-def stacked(textures: Sequence[Texture], room: Room) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
+def stacked(textures: Sequence[Texture], n_columns: int, room: Room) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
     """Return the first row of every texture, (n,), and all of them, int8 (n, n_rows, n_columns), an array of ``room``.
 
-    Shorter ones end in ``UNKNOWN``.
+    Shorter ones end in ``UNKNOWN``. There may be none.
     """
     longest = max((len(one.contrast) for one in textures), default=0)
-    n_columns = textures[0].contrast.shape[1] if textures else 0
     stack = room.array("textures", (len(textures), longest, n_columns), np.int8)
     for here, one in zip(stack, textures, strict=True):
         here[: len(one.contrast)] = one.contrast

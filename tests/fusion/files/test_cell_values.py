@@ -151,6 +151,7 @@ def of_colours(samples: np.ndarray) -> str:
 def test_one_colour_on_black() -> None:
     np.testing.assert_array_equal(cells_in_colour(RED, "m"), CELLS)
     np.testing.assert_array_equal(cells_in_colour(np.where(RED > 0, np.uint16(256), np.uint16(0)), "m"), CELLS)
+    np.testing.assert_array_equal(cells_in_colour(RED / np.float32(300), "m"), CELLS)
 
 
 def test_grey_in_three_channels_is_grey() -> None:
@@ -161,6 +162,8 @@ def test_colours_that_name_no_ground() -> None:
     assert "3 colours;" in of_colours(COLOURS[labelled(first=1, second=2)])
     alike = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 256]], np.uint16)
     assert "3 colours;" in of_colours(alike[labelled(first=1, second=2)])
+    soft = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0, 0]], np.float32)
+    assert "3 colours;" in of_colours(soft[labelled(first=1, second=2)])
     assert "2 colours, none of them black" in of_colours(COLOURS[1 + CELLS.astype(int)])
 
 

@@ -7,7 +7,7 @@ import pytest
 import roifile
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.files.outlines import filled
+from endoct.fusion.files.outlines import fill, filled
 
 SHAPE = (40, 60)
 MOVE, LINE, QUADRATIC, CUBIC, CLOSE = range(5)
@@ -112,3 +112,19 @@ def test_regions_whose_points_are_no_corners(told: dict[str, object], found: str
     region.tofile(tmp_path / "a.roi")
     with pytest.raises(EndoctError, match=f"encloses nothing; .*{found}"):
         filled(tmp_path / "a.roi", SHAPE)
+
+
+def test_outlines_that_would_take_minutes_to_fill_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = box(10, 4, 20, 9), [*box(10, 4, 20, 9), *box(30, 4, 20, 9)]
+    n_tests = 4 * 10 * 21  # four corners, and the samples around
+    monkeypatch.setattr("endoct.fusion.files.outlines._MOST_TESTS", n_tests)
+    assert filled(composed(tmp_path, one), SHAPE).sum() == 20 * 9
+    monkeypatch.setattr("endoct.fusion.files.outlines._MOST_TESTS", 2 * n_tests - 1)
+    with pytest.raises(EndoctError, match="would take minutes to fill"):
+        filled(composed(tmp_path, two), SHAPE)
+    monkeypatch.setattr("endoct.fusion.files.outlines._MOST_TESTS", n_tests - 1)
+    with pytest.raises(EndoctError, match="would take minutes to fill"):
+        fill(np.array([(4, 10), (4, 30), (13, 30), (13, 10)], np.float64), SHAPE)
+    monkeypatch.setattr("endoct.fusion.files.outlines._MOST_OF_PATH", len(one) - 1)
+    with pytest.raises(EndoctError, match="a path of 13 numbers"):
+        filled(composed(tmp_path, one), SHAPE)

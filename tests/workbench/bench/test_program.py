@@ -1,5 +1,6 @@
 """Methods that are programs: what they are given, what they may answer, and how they fail."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.workbench.bench.cases.toy_walls import toy_panorama
-from endoct.workbench.bench.program import Program, parse_programs, with_programs
+from endoct.workbench.bench.program import Program, _size, parse_programs, with_programs
 from endoct.workbench.bench.task import Case, Declined, load_task
 from endoct.workbench.bench.tasks.alignment import AlignmentCase
 from endoct.workbench.bench.tasks.pose import Located
@@ -75,6 +76,21 @@ def test_a_program_that_prints_and_prints_or_writes_and_writes_is_ended(
     ):
         with pytest.raises(EndoctError, match="writes too much"):
             program(tmp_path, "segmentation", text)(panorama)
+
+
+def test_folders_that_come_and_go_meanwhile_do_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "gone").mkdir()
+    (tmp_path / "kept" / "mask.npy").write_bytes(bytes(1_000_000))
+    listing = os.scandir
+
+    def removed(path: str | Path) -> object:
+        if Path(path).name == "gone":
+            raise FileNotFoundError(2, "No such file or directory", str(path))
+        return listing(path)
+
+    monkeypatch.setattr(os, "scandir", removed)
+    assert 1_000_000 <= _size(tmp_path) < 1_100_000
 
 
 def test_a_program_without_an_end_is_ended_with_all_that_it_started(

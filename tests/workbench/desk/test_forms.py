@@ -62,7 +62,7 @@ def test_a_setting_names_no_file_out_of_the_folder(value: str, tmp_path: Path) -
     given = {"a": "x", "b": "y", "output": "z"}
     with pytest.raises(EndoctError):
         arguments_of(FORMS["compare"], {**given, "settings": [f"eye={value}"]}, tmp_path)
-    for inside in ("eyes/mine.safetensors", "mine.safetensors", "endoct", "0.5"):
+    for inside in ("", "eyes/mine.safetensors", "mine.safetensors", "endoct", "0.5"):
         assert arguments_of(FORMS["compare"], {**given, "settings": [f"eye={inside}"]}, tmp_path)
 
 

@@ -318,4 +318,9 @@ def test_so_many_files_are_opened_at_most(tmp_path: Path, monkeypatch: pytest.Mo
         (tmp_path / "endo" / f"{k}.scan").write_bytes(b"II*\0")  # begins as a TIFF does
     assert unread_next_to(tmp_path / "endo", manifest, ()).count == 0  # they hold frames
     monkeypatch.setattr("endoct.workbench.pipeline.unread.MOST_ASKED", 3)
-    assert unread_next_to(tmp_path / "endo", manifest, ()).count == 2
+    assert unread_next_to(tmp_path / "endo", manifest, ()).count == 0  # and the others are called alike
+    for k in range(5):
+        (tmp_path / "endo" / f"{k}.junk").write_text("twice")
+    unread = unread_next_to(tmp_path / "endo", manifest, ()).to_json()
+    assert unread["count"] == 5
+    assert [each["why"].split(",")[0] for each in unread["files"][1:3]] == ["5 bytes; expected PNG", "not looked at"]

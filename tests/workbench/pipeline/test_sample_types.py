@@ -11,16 +11,17 @@ import pytest
 import tifffile
 from numpy.typing import NDArray
 
+from endoct.fusion.files.result_file import read_result
 from endoct.modalities.contract import Frame, Picture
 from endoct.modalities.oct.plugin import OCT
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
-from endoct.workbench.pipeline.comparing import store_side
+from endoct.workbench.pipeline.comparing import compare_sources, store_side
 from endoct.workbench.pipeline.unrolling import open_recording, save_sample_frames, unroll_recording, unroll_source
 from endoct.workbench.report.figures.frames import draw_frames
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.side_findings import recording_in
-from endoct.workbench.requests import UnrollRequest
+from endoct.workbench.requests import CompareRequest, UnrollRequest
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.running.scheduler import ALONE
 
@@ -123,3 +124,11 @@ def test_a_picture_that_fails_costs_no_panorama(
     side = unroll_recording(open_recording(folder), SilentStages())
     assert len(store_side(tmp_path / "of_both", "oct", side.panorama, side)) == 2
     assert load_panorama(tmp_path / "of_both" / "panoramas" / "oct.zarr").notes == panorama.notes
+    cells = np.zeros(side.panorama.grid.shape, np.uint8)
+    cells[1:4, 100:300] = 255
+    cv2.imwrite(str(tmp_path / "drawn.png"), cells)
+    for name in ("begin_sides", "begin_both", "ComparisonFolder.write_report"):  # figures cost seconds
+        monkeypatch.setattr(f"endoct.workbench.pipeline.comparing.{name}", lambda *_, **__: [])
+    request = CompareRequest(folder, tmp_path / "drawn.png", settings={"n_theta": 512})
+    compare_sources(request, tmp_path / "compared", SilentStages(), ALONE)
+    assert read_result(tmp_path / "compared").notes["oct"] == panorama.notes

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from tolerances import PARALLAX_FLOOR_MM, PARALLAX_WALL_MM
 
+from endoct.base.compute.memory import Kept
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.relief import parallax_relief
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.parallax import depth
 from endoct.modalities.endoscope.parallax.depth import MOST_ERROR_MM, add_parallax
+from endoct.modalities.endoscope.parallax.views import Texture, fine_grid
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
 from endoct.modalities.registry import open_recording
 from endoct.stitching.panorama import Panorama
@@ -107,6 +109,17 @@ def test_what_fewer_than_two_frames_see_is_unknown(unrolled: Unrolled) -> None:
     assert (seen < 2).sum() > 3
     assert not known[seen < 2].any()
     assert known[seen > 2].mean() > 0.95
+
+
+def test_a_piece_that_no_frame_shows_is_unknown(unrolled: Unrolled) -> None:
+    """As where a pullback with a gap in its positions was recorded."""
+    _, _, calibration = unrolled
+    away, fine = replace(calibration, z_mm=calibration.z_mm + 100), fine_grid(calibration)
+    piece = depth._pieces(fine)[0]
+    with Kept[Texture]() as none:
+        _, error_mm = depth._swept(piece, none, away, fine)
+    assert error_mm.shape == (len(piece.kept), fine.n_blocks[1])
+    assert np.isnan(error_mm).all()
 
 
 def test_a_store_keeps_it(unrolled: Unrolled, tmp_path: Path) -> None:

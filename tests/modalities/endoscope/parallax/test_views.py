@@ -69,8 +69,9 @@ def test_shorter_strips_end_in_the_unknown() -> None:
     long, short = (Texture(first, np.full((n, 4), n, np.int8)) for first, n in ((3, 5), (9, 2)))
     room = Room()
     room.array("textures", (2, 5, 4), np.int8)[:] = 99
-    first, stack = stacked([long, short], room)
+    first, stack = stacked([long, short], 4, room)
     assert first.tolist() == [3, 9]
     assert stack.shape == (2, 5, 4)
     assert (stack[0] == 5).all()
     assert stack[1, :, 0].tolist() == [2, 2, UNKNOWN, UNKNOWN, UNKNOWN]
+    assert stacked([], 4, room)[1].shape == (0, 0, 4)

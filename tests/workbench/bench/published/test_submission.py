@@ -18,7 +18,7 @@ from endoct.workbench.bench.published.submission import (
     submit,
     text_of,
 )
-from endoct.workbench.commands.research import check as check_command
+from endoct.workbench.commands.published import check as check_command
 from endoct.workbench.running.progress import SilentStages
 
 DEEP = """

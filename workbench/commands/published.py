@@ -1,0 +1,203 @@
+"""Commands of published benchmarks: their sets, submissions, and the board of these."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.files import path_text
+from endoct.workbench.commands.console import command_stages, listed_names, print_json, print_line
+from endoct.workbench.requests import OutputPath
+from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
+
+SET = "endoct-bench-1"
+
+
+def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = False) -> int:
+    """Make the public half of the published benchmark endoct-bench-1, or what is missing of it in the folder.
+
+    Args:
+        output: folder of the set
+        full: make the full set, five times the small one
+        workers: processes that share the specimens
+        json: print as JSON
+    """
+    from endoct.workbench.bench.published.definition import load_definition
+    from endoct.workbench.bench.published.making import WRITERS, make_set
+    from endoct.workbench.bench.published.specimen_set import shipped_entries
+
+    made = make_set(output, SET, size="full" if full else "small", workers=workers, stages=command_stages(json))
+    published = shipped_entries(SET)
+    known = [one for one in made.specimens if one.name in published]
+    equal = sum(one.digest == published[one.name].digest for one in known)
+    missing = sorted({kind.generator for kind in load_definition(SET).kinds} - set(WRITERS))
+    if json:
+        facts = {"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest}
+        print_json({**facts, "published": len(known), "equal": equal})
+        return DONE
+    print_line(f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)")
+    print_line(f"of {len(known)} published ones {equal} are equal to the bit, {len(known) - equal} but for rounding")
+    print_line(f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes")
+    return DONE
+
+
+def layout(
+    data: Positional[Path],
+    output: OutputPath,
+    to: Literal["huggingface", "webdataset"] = "huggingface",
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
+    """Write the panoramas and true masks of a published set in a layout that other libraries load.
+
+    Args:
+        data: folder of the set
+        output: folder to write
+        to: huggingface, pictures for its imagefolder, or webdataset, shards with arrays
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+    from endoct.workbench.bench.published.examples import write_layout
+
+    n_examples = write_layout(data, output, to, overwrite=overwrite, stages=command_stages(json))
+    if json:
+        print_json({"output": path_text(output), "examples": n_examples})
+        return DONE
+    print_line(f"{to}: {output} ({n_examples} examples)")
+    return DONE
+
+
+@dataclass(frozen=True, eq=False)
+class Submit:
+    """Run methods on a published set, and write one JSON file with their scores (see docs/how-to/bench.md).
+
+    Args:
+        task: oct, stitching, segmentation, alignment, depth or pose
+        data: folder of the set, as `endoct bench make` makes it
+        output: the file to write
+        methods: names of methods, separated by commas; default: all, or none where there are programs
+        program: a method that is a program, NAME=COMMAND; it is called with two folders, what is given and the answer
+        workers: processes that share the specimens; with more than one, timings are those of a busy machine
+        overwrite: replace the output if it exists
+        json: print as JSON
+    """
+
+    task: Positional[str]
+    data: Positional[Path]
+    output: OutputPath
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = ""
+    program: tuple[str, ...] = ()
+    workers: int = 1
+    overwrite: bool = False
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Run the methods, print what was written, and return the exit status."""
+        from endoct.workbench.bench.program import parse_programs
+        from endoct.workbench.bench.published.submission import submit
+
+        submission = submit(
+            self.data,
+            self.task,
+            self.output,
+            methods=listed_names(self.methods),
+            programs=parse_programs(self.program),
+            workers=self.workers,
+            overwrite=self.overwrite,
+            stages=command_stages(self.json),
+        )
+        if self.json:
+            facts = {"output": path_text(self.output), "data": submission.data_digest, "rows": len(submission.rows)}
+            print_json(facts)
+            return DONE
+        for name, reason in submission.left_out.items():
+            print_line(f"left out: {name}, because {reason}")
+        print_line(
+            f"submission: {self.output} ({len(submission.methods)} methods on {len(submission.specimens)} specimens, "
+            f"data {submission.data_digest[:16]}…)"
+        )
+        return DONE
+
+
+def check(
+    submission: Positional[Path],
+    data: Positional[Path],
+    sample: int = 2,
+    methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
+    program: tuple[str, ...] = (),
+    json: bool = False,
+) -> int:
+    """Run a sample of a submission again, and compare the scores to the last digit. No command of the file is run.
+
+    Args:
+        submission: the file that `endoct bench submit` wrote
+        data: folder of the set it was run on
+        sample: how many specimens to run again
+        methods: names of methods, separated by commas; default: all of the submission, but programs only
+            where --program says how
+        program: how to run a method that is a program, NAME=COMMAND
+        json: print as JSON
+    """
+    from endoct.workbench.bench.program import parse_programs
+    from endoct.workbench.bench.published.submission import check as run
+
+    if sample < 1:
+        raise EndoctError("--sample must be at least 1", found=str(sample))
+    checked = run(
+        submission,
+        data,
+        sample=sample,
+        methods=listed_names(methods),
+        programs=parse_programs(program),
+        stages=command_stages(json),
+    )
+    counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
+    if json:
+        reruns = [
+            {"verdict": one.verdict, "stated": one.stated.model_dump(), "again": one.again.model_dump()}
+            for one in checked.reruns
+        ]
+        programs = {
+            name: {"stated": checked.submission.programs[name], "here": here or None}
+            for name, here in checked.programs.items()
+        }
+        print_json({"counts": counts, "programs": programs, "rows": reruns})
+    else:
+        for name, here in checked.programs.items():
+            done = f"run here as: {here}" if here else "not run again; say how with --program NAME=COMMAND"
+            print_line(f"{name}: a program, in the file: {checked.submission.programs[name]}; {done}")
+        for one in checked.reruns:
+            if one.verdict != "equal":
+                before, after = one.stated, one.again
+                print_line(f"{one.verdict}: {before.method} on {before.case}: {before.outcome}, again {after.outcome}")
+        print_line(
+            f"{len(checked.reruns)} rows run again: {counts['equal']} equal to the last digit, "
+            f"{counts['near']} but for the last bits, {counts['different']} different"
+        )
+        if not checked.is_of_equal_data:
+            print_line("the data here are equal to those of the submission but for rounding")
+    return UNUSABLE_INPUT if counts["different"] and checked.is_of_equal_data else DONE
+
+
+def board(folder: Positional[Path], output: OutputPath, overwrite: bool = False, json: bool = False) -> int:
+    """Draw the board of all submissions in a folder: one HTML page that opens offline.
+
+    Args:
+        folder: folder with files that `endoct bench submit` wrote
+        output: the page to write
+        overwrite: replace the output if it exists
+        json: print where endoct is beaten as JSON
+    """
+    from endoct.workbench.bench.published.board import write_board
+
+    boards = write_board(folder, output, overwrite=overwrite)
+    if json:
+        print_json({one.task: [asdict(loss) for loss in one.losses()] for one in boards})
+        return DONE
+    for one in boards:
+        beaten = ", ".join(f"{loss.method} ({loss.generator})" for loss in one.losses())
+        print_line(f"{one.task}: {len(one.entrants)} methods; endoct is beaten by {beaten or 'none'}")
+    print_line(f"board: {output}")
+    return DONE
