@@ -118,12 +118,17 @@ def decoded(picture: bytes, stream: Stream, *, in_ybr: bool) -> NDArray[Any]:
         return np.asarray(imagecodecs.jpeg2k_decode(picture))
     if stream.codec == "jpegls":
         return np.asarray(imagecodecs.jpegls_decode(picture))
-    if picture.count(b"\xff\xda") > MOST_SCANS:
-        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
+    check_scans(picture)
     if stream.codec == "jpeg":
         return np.asarray(imagecodecs.jpeg_decode(picture))
     colours = "YCBCR" if in_ybr else "RGB"
     return np.asarray(imagecodecs.jpeg8_decode(picture, colorspace=colours, outcolorspace="RGB"))
+
+
+def check_scans(picture: bytes) -> None:
+    """Raise ``ValueError`` where a JPEG is coded in very many scans."""
+    if picture.count(b"\xff\xda") > MOST_SCANS:
+        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
 
 
 def decoded_rle(picture: bytes, stated: Stated) -> NDArray[Any]:
