@@ -12,12 +12,11 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.ct.dicom_files import dicom_files, named
+from endoct.modalities.ct.dicom_files import dicom_files
 from endoct.modalities.ct.dicom_slices import (
-    Frame,
     Slice,
     axes_of,
-    frames_of,
+    named,
     numbers_of,
     padding_of,
     position_of,
@@ -28,7 +27,7 @@ from endoct.modalities.ct.hounsfield import LEAST_HU, MOST_HU
 from endoct.modalities.ct.slice_grid import SliceGrid, slice_grid
 from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
 from endoct.modalities.dicom.dicom_file import DicomFile, reading_dicom
-from endoct.modalities.dicom.image import image_of
+from endoct.modalities.dicom.image import DicomImage, image_of
 
 if TYPE_CHECKING:
     from pydicom import Dataset
@@ -60,30 +59,26 @@ def read_segmentation(file: DicomFile) -> StoredVolume:
             )
         names = _names(file)
         image = image_of(file)
-        frames = list(frames_of(image))
-        index, origin, steps = _placed(file, frames)
-        shape = int(index.max()) + 1, int(file.header.Rows), int(file.header.Columns)
+        places, origin, steps = _placed(image)
+        shape = int(places.max()) + 1, int(file.header.Rows), int(file.header.Columns)
         check_array_size(shape, 2, str(file.path))
-        numbers = np.stack([numbers_of(image, index) for index in range(image.n_frames)])
         if kind == LABEL_MAP:
-            voxels: NDArray[Any] = np.zeros(shape, numbers.dtype)
-            if np.unique(index).size < index.size:
+            voxels: NDArray[Any] = np.zeros(shape, numbers_of(image, 0).dtype)
+            if np.unique(places).size < places.size:
                 raise EndoctError(f"{file.path} is no even volume", found="two frames at one place")
-            voxels[index] = numbers
+            for frame, k in enumerate(places):
+                voxels[k] = numbers_of(image, frame)
             segments = tuple(Segment(label, name, (label,)) for label, name in names.items() if label != 0)
         else:
-            masks = [(label, name, np.zeros(shape, np.bool_)) for label, name in names.items()]
-            by_label = {label: mask for label, _, mask in masks}
-            for frame, k, values in zip(frames, index, numbers, strict=True):
-                by_label[_segment_of(frame, file, names)][k] |= values != 0
-            voxels, segments = layers_as_one(masks, shape, str(file.path))
+            parts = ((_segment_of(image, at, names), k, numbers_of(image, at) != 0) for at, k in enumerate(places))
+            voxels, segments = layers_as_one(names, parts, shape, str(file.path))
     return StoredVolume(
         voxels=voxels,
         origin_mm=origin,
         steps_mm=steps,
         coordinates="lps",
         placed=True,
-        kind=f"DICOM Segmentation, {len(frames)} frames",
+        kind=f"DICOM Segmentation, {image.n_frames} frames",
         files=(file.path,),
         segments=segments,
     )
@@ -99,19 +94,18 @@ def _names(file: DicomFile) -> dict[int, str]:
     return names
 
 
-def _segment_of(frame: Frame, file: DicomFile, names: dict[int, str]) -> int:
-    number = frame.get("SegmentIdentificationSequence", "ReferencedSegmentNumber")
+def _segment_of(image: DicomImage, frame: int, names: dict[int, str]) -> int:
+    number = image.of_frame(frame, "SegmentIdentificationSequence", "ReferencedSegmentNumber")
     if number is None or int(number) not in names:
-        raise EndoctError(f"{file.path} has a frame of no segment", found=f"segment {number}")
+        raise EndoctError(f"{image.path} has a frame of no segment", found=f"segment {number}")
     return int(number)
 
 
-def _placed(file: DicomFile, frames: Sequence[Frame]) -> tuple[NDArray[np.intp], Coordinates, Coordinates]:
+def _placed(image: DicomImage) -> tuple[NDArray[np.intp], Coordinates, Coordinates]:
     """Return the index of each frame along k, several at one place perhaps or none, the origin and the steps, mm."""
-    name = str(file.path)
-    positions = np.array([position_of(frame, named(file.path, at)) for at, frame in enumerate(frames)])
-    axes = [axes_of(frame, named(file.path, at)) for at, frame in enumerate(frames)]
-    spacings = [spacing_of(frame, named(file.path, at)) for at, frame in enumerate(frames)]
+    name, frames = str(image.path), range(image.n_frames)
+    positions = np.array([position_of(image, frame) for frame in frames])
+    axes, spacings = [axes_of(image, frame) for frame in frames], [spacing_of(image, frame) for frame in frames]
     if np.ptp(np.array(axes), axis=0).max() > 1e-6 or np.ptp(np.array(spacings), axis=0).max() > 1e-6:
         raise EndoctError(f"{name} is no even volume", found="frames of several orientations or spacings")
     row, column = axes[0]
@@ -120,7 +114,7 @@ def _placed(file: DicomFile, frames: Sequence[Frame]) -> tuple[NDArray[np.intp],
     first = int(np.argmin(along))
     places = np.unique(np.round(along - along[first], 6))
     apart = np.diff(places)
-    stated = frames[0].get("PixelMeasuresSequence", "SpacingBetweenSlices")
+    stated = image.of_frame(0, "PixelMeasuresSequence", "SpacingBetweenSlices")
     if stated is not None and 0 < float(stated) < 100:
         between = float(stated)
     elif places.size > 1:
@@ -137,7 +131,7 @@ def _placed(file: DicomFile, frames: Sequence[Frame]) -> tuple[NDArray[np.intp],
         worst = int(np.argmax(off))
         raise EndoctError(
             f"{name} is no even volume",
-            found=f"{named(file.path, worst)} {off[worst]:.3g} mm off the even grid of the others",
+            found=f"{named(image, worst)} {off[worst]:.3g} mm off the even grid of the others",
             expected=f"every frame on one grid, to {PLACE_MM:g} mm",
         )
     steps = np.array([between * normal, spacings[0][0] * column, spacings[0][1] * row])

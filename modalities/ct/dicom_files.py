@@ -38,9 +38,8 @@ KEYWORDS = (
     "TemporalPositionIdentifier", "TemporalPositionIndex", "ConvolutionKernel", "SliceThickness", "KVP",
     "ReconstructionDiameter", "GantryDetectorTilt", "InstanceNumber", "ImagePositionPatient",
     "ImageOrientationPatient", "PixelSpacing", "PixelPaddingValue", "PixelPaddingRangeLimit", "RescaleSlope",
-    "RescaleIntercept", "RescaleType", "ModalityLUTSequence", "LossyImageCompression", "ConcatenationUID",
-    "InConcatenationNumber", "InConcatenationTotalNumber", "SharedFunctionalGroupsSequence",
-    "PerFrameFunctionalGroupsSequence", "SegmentSequence", "SegmentationType",
+    "RescaleIntercept", "RescaleType", "ModalityLUTSequence", "LossyImageCompression", "SegmentSequence",
+    "SegmentationType",
 )  # fmt: skip
 
 
@@ -88,11 +87,6 @@ def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
     if aside:
         notes.append(f"left out as no DICOM: {odd_ones(aside)}")
     return slices, tuple(notes)
-
-
-def named(path: Path | str, frame: int | None = None) -> str:
-    """Return how a message calls a slice."""
-    return str(path) if frame is None else f"frame {frame + 1} of {path}"
 
 
 def _names(files: Sequence[DicomFile]) -> list[str]:

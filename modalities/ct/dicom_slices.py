@@ -1,21 +1,17 @@
 """The slices in DICOM files, single or multi-frame: where each lies by its own header, and what its values mean."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
-from endoct.modalities.ct.dicom_files import named
 from endoct.modalities.dicom.dicom_file import DicomFile
 from endoct.modalities.dicom.image import GREY, DicomImage, image_of
-
-if TYPE_CHECKING:
-    from pydicom import Dataset
 
 NOT_UNIT = 2e-3
 """A direction's length, or a right angle's cosine, may be off by this much, as of numbers with three digits."""
@@ -67,96 +63,72 @@ class Slice:
         return np.asarray(self.position_mm + index @ np.stack([self.column, self.row]))
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame of a file with its functional groups: its own, those of all frames, and the file's header."""
-
-    of: tuple["Dataset", ...]
-
-    def get(self, group: str, keyword: str) -> Any:
-        """Return an element: from a functional group, or from the header itself; None where there is none."""
-        for groups in self.of[:-1]:
-            items = groups.get(group) or []
-            if len(items) and (value := items[0].get(keyword)) is not None:
-                return value
-        return self.of[-1].get(keyword) if len(self.of) == 1 else None
-
-
 def slices_of(file: DicomFile) -> list[Slice]:
     """Return the slices of a file. Raises :class:`EndoctError` where one does not say where it lies, or is cut off."""
     _check_grey(file)
     image = image_of(file)
-    return [_slice(image, index, frame) for index, frame in enumerate(frames_of(image))]
+    if image.n_frames > 1 and "PerFrameFunctionalGroupsSequence" not in image.header:
+        raise EndoctError(
+            f"{image.path} does not say where its voxels lie",
+            found=f"{image.n_frames} frames without a position",
+            expected="an enhanced CT, or a file a slice, with Image Position (Patient)",
+            remedy="export it as CT, or save it in 3D Slicer as NRRD with its true geometry",
+        )
+    return [_slice(image, index) for index in range(image.n_frames)]
 
 
-def frames_of(image: DicomImage) -> Iterator[Frame]:
-    """Yield the frames of a file, in the order of its voxels."""
-    header, count = image.header, image.n_frames
-    own = header.get("PerFrameFunctionalGroupsSequence")
-    if own is None:
-        if count != 1:
-            raise EndoctError(
-                f"{image.path} does not say where its voxels lie",
-                found=f"{count} frames without a position",
-                expected="an enhanced CT, or a file a slice, with Image Position (Patient)",
-                remedy="export it as CT, or save it in 3D Slicer as NRRD with its true geometry",
-            )
-        yield Frame((header,))
-        return
-    if len(own) != count:
-        raise EndoctError(f"{image.path} cannot be read", found=f"{count} frames, {len(own)} of them described")
-    shared = header.get("SharedFunctionalGroupsSequence") or []
-    for groups in own:
-        yield Frame((groups, *shared[:1], header))
-
-
-def position_of(frame: Frame, name: str) -> Coordinates:
+def position_of(image: DicomImage, frame: int) -> Coordinates:
     """Return the position of a frame, (3,) LPS. Raises :class:`EndoctError`, naming it, where it has none."""
-    return _numbers(frame.get("PlanePositionSequence", "ImagePositionPatient"), 3, name, "Image Position (Patient)")
+    stated = image.of_frame(frame, "PlanePositionSequence", "ImagePositionPatient")
+    return _numbers(stated, 3, named(image, frame), "Image Position (Patient)")
 
 
-def axes_of(frame: Frame, name: str) -> tuple[Coordinates, Coordinates]:
+def axes_of(image: DicomImage, frame: int) -> tuple[Coordinates, Coordinates]:
     """Return the directions of a frame's rows and columns, unit vectors (3,), LPS."""
-    numbers = _numbers(
-        frame.get("PlaneOrientationSequence", "ImageOrientationPatient"), 6, name, "Image Orientation (Patient)"
-    )
+    stated = image.of_frame(frame, "PlaneOrientationSequence", "ImageOrientationPatient")
+    numbers = _numbers(stated, 6, named(image, frame), "Image Orientation (Patient)")
     row, column = numbers[:3], numbers[3:]
     lengths = float(np.linalg.norm(row)), float(np.linalg.norm(column))
     if max(abs(lengths[0] - 1), abs(lengths[1] - 1), abs(float(row @ column))) > NOT_UNIT:
         raise EndoctError(
-            f"{name} has an orientation that cannot be",
+            f"{named(image, frame)} has an orientation that cannot be",
             found=", ".join(f"{number:g}" for number in numbers),
             expected="two directions of length 1, at right angles",
         )
     return row / lengths[0], column / lengths[1]
 
 
-def spacing_of(frame: Frame, name: str) -> tuple[float, float]:
+def spacing_of(image: DicomImage, frame: int) -> tuple[float, float]:
     """Return the distances of a frame's rows and of its columns, mm."""
-    stated = _numbers(frame.get("PixelMeasuresSequence", "PixelSpacing"), 2, name, "Pixel Spacing")
+    name = named(image, frame)
+    stated = _numbers(image.of_frame(frame, "PixelMeasuresSequence", "PixelSpacing"), 2, name, "Pixel Spacing")
     between_rows, between_columns = float(stated[0]), float(stated[1])
     if not min(between_rows, between_columns) > 0:
         raise EndoctError(f"{name} has a Pixel Spacing that cannot be", found=f"{between_rows:g}, {between_columns:g}")
     return between_rows, between_columns
 
 
-def _slice(file: DicomImage, index: int, frame: Frame) -> Slice:
-    at = index if file.n_frames > 1 else None
-    name, header = named(file.path, at), file.header
-    position = frame.get("PlanePositionSequence", "ImagePositionPatient")
-    row, column = axes_of(frame, name)
-    slope, intercept = _rescale(frame, name)
-    number = header.get("InstanceNumber") if len(frame.of) == 1 else None
-    thickness = frame.get("PixelMeasuresSequence", "SliceThickness")
+def named(image: DicomImage, frame: int, *, short: bool = False) -> str:
+    """Return how a message calls a slice, ``short``: by its file's name."""
+    path = image.path.name if short else image.path
+    return f"frame {frame + 1} of {path}" if image.n_frames > 1 else str(path)
+
+
+def _slice(file: DicomImage, frame: int) -> Slice:
+    position = file.of_frame(frame, "PlanePositionSequence", "ImagePositionPatient")
+    row, column = axes_of(file, frame)
+    slope, intercept = _rescale(file, frame)
+    number = None if "PerFrameFunctionalGroupsSequence" in file.header else file.header.get("InstanceNumber")
+    thickness = file.of_frame(frame, "PixelMeasuresSequence", "SliceThickness")
     return Slice(
-        name=named(file.path.name, at),
+        name=named(file, frame, short=True),
         file=file,
-        frame=index,
-        position_mm=position_of(frame, name),
+        frame=frame,
+        position_mm=position_of(file, frame),
         row=row,
         column=column,
-        spacing_mm=spacing_of(frame, name),
-        shape=(int(header.Rows), int(header.Columns)),
+        spacing_mm=spacing_of(file, frame),
+        shape=(int(file.header.Rows), int(file.header.Columns)),
         decimals=max(_decimals(value) for value in position),
         slope=slope,
         intercept=intercept,
@@ -166,10 +138,10 @@ def _slice(file: DicomImage, index: int, frame: Frame) -> Slice:
     )
 
 
-def _rescale(frame: Frame, name: str) -> tuple[float, float]:
-    of = "PixelValueTransformationSequence"
-    slope, intercept = (frame.get(of, keyword) for keyword in ("RescaleSlope", "RescaleIntercept"))
-    if frame.get(of, "ModalityLUTSequence"):
+def _rescale(image: DicomImage, frame: int) -> tuple[float, float]:
+    of, name = "PixelValueTransformationSequence", named(image, frame)
+    slope, intercept = (image.of_frame(frame, of, keyword) for keyword in ("RescaleSlope", "RescaleIntercept"))
+    if image.of_frame(frame, of, "ModalityLUTSequence"):
         raise EndoctError(f"{name} has values by a table (Modality LUT)", expected="Rescale Slope and Intercept")
     if slope is None and intercept is None:
         return 1.0, 0.0

@@ -216,15 +216,17 @@ def _as_volume(
     if layers == 1:
         return of_layer[0], tuple(Segment(label, name, (label,)) for name, label, _ in parts if label != 0)
     distinct = len({label for _, label, _ in parts}) == len(parts)
-    masks = [
-        (label if distinct else at + 1, name, of_layer[layer] == label) for at, (name, label, layer) in enumerate(parts)
-    ]
+    names = {label if distinct else at + 1: name for at, (name, label, _) in enumerate(parts)}
+    masks = [of_layer[layer] == label for _, label, layer in parts]
     for at, numbers in enumerate(of_layer):  # what no name is for must not go lost
         known = [label for _, label, layer in parts if layer == at]
         rest = (numbers != 0) & ~np.isin(numbers, known)
         if rest.any():
-            masks.append((1 + max(label for label, _, _ in masks), "", rest))
-    return layers_as_one(masks, shape, str(path))
+            names[1 + max(names)] = ""
+            masks.append(rest)
+    return layers_as_one(
+        names, ((label, ..., mask) for label, mask in zip(names, masks, strict=True)), shape, str(path)
+    )
 
 
 def _named(header: Mapping[str, Any]) -> dict[int, dict[str, str]]:

@@ -6,7 +6,7 @@ Voxels lie after a header, or in a file that it names, plain or compressed; neve
 import bz2
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -72,34 +72,35 @@ class StoredVolume:
 
 
 def layers_as_one(
-    masks: Sequence[tuple[int, str, NDArray[np.bool_]]], shape: tuple[int, ...], subject: str
+    names: Mapping[int, str], parts: Iterable[tuple[int, Any, NDArray[np.bool_]]], shape: tuple[int, ...], subject: str
 ) -> tuple[NDArray[np.uint16], tuple[Segment, ...]]:
-    """Return segments that may overlap, (label, name, mask) each, as one volume of numbers, and what these stand for.
+    """Return segments that may overlap as one volume of numbers, and what these stand for.
 
-    A number stands for a set of segments: a label where it is only one, a new number where several overlap. Raises
+    ``names`` by label; ``parts``: a label, an index of the volume, and where in that part the segment is. A number
+    stands for a set of segments: a label where it is only one, a new number where several overlap. Raises
     :class:`EndoctError`, naming ``subject``, where there are more such sets than numbers, or a label is too large.
     """
     most = np.iinfo(np.uint16).max
-    if any(not 0 < label <= most for label, _, _ in masks):
+    if any(not 0 < label <= most for label in names):
         raise EndoctError(f"a label of {subject} cannot be used", expected=f"whole numbers from 1 to {most}")
     voxels = np.zeros(shape, np.uint16)
-    sets: dict[frozenset[int], int] = {frozenset(): 0}
-    sets |= {frozenset([label]): label for label, _, _ in masks}
+    sets: dict[frozenset[int], int] = {frozenset(): 0} | {frozenset([label]): label for label in names}
     content = {number: some for some, number in sets.items()}
-    following = max((label for label, _, _ in masks), default=0) + 1
-    for label, _, mask in masks:
-        for before in np.unique(voxels[mask]).tolist():
+    following = max(names, default=0) + 1
+    for label, index, mask in parts:
+        part = voxels[index]
+        for before in np.unique(part[mask]).tolist():
             together = content[before] | {label}
             if together not in sets:
                 if following > most:
                     raise EndoctError(f"the segments of {subject} overlap in too many ways")
                 sets[together], content[following] = following, together
                 following += 1
-            voxels[mask & (voxels == before)] = sets[together]
+            part[mask & (part == before)] = sets[together]
     there = set(np.unique(voxels).tolist())
     return voxels, tuple(
         Segment(label, name, tuple(number for number, some in content.items() if label in some and number in there))
-        for label, name, _ in masks
+        for label, name in names.items()
     )
 
 

@@ -40,19 +40,22 @@ class Stated:
     @property
     def shape(self) -> tuple[int, ...]:
         """Of a frame as an array: (row, column), or (row, column, sample)."""
-        return (self.rows, self.columns) if self.samples == 1 else (self.rows, self.columns, self.samples)
+        return _shape(self.rows, self.columns, self.samples)
+
+
+def _shape(rows: int, columns: int, samples: int) -> tuple[int, ...]:
+    return (rows, columns) if samples == 1 else (rows, columns, samples)
 
 
 @dataclass(frozen=True)
 class Stream:
-    """What a picture says of itself: its size, ``bits`` of a sample, ``signed`` where its coding knows signs.
+    """What a picture says of itself: its ``shape``, ``bits`` of a sample, ``signed`` where its coding knows signs.
 
     ``colours``: "RGB" (of JPEG 2000: they become RGB as it is decoded), "YBR", or "" where it does not say. ``lossy``:
     whether numbers may have changed. ``codec``: what decodes it; "jpeg8" is a lossy JPEG of three colours in 8 bits.
     """
 
-    rows: int
-    columns: int
+    shape: tuple[int, ...]
     bits: int
     signed: bool | None
     colours: str
@@ -72,12 +75,13 @@ def stream_of(picture: bytes) -> Stream | None:
 
 def _of_jpeg_2000(picture: bytes, at: int) -> Stream:
     right, bottom, left, top = struct.unpack_from(">4I", picture, at + 8)
-    size = picture[at + 42]
+    samples, size = int.from_bytes(picture[at + 40 : at + 42], "big"), picture[at + 42]
     at += 4 + int.from_bytes(picture[at + 4 : at + 6], "big")
     while picture[at + 1] != 0x52:  # the marker of how it is coded
         at += 2 + struct.unpack_from(">H", picture, at + 2)[0]
     colours, lossy = "RGB" if picture[at + 8] else "", picture[at + 13] == 0
-    return Stream(bottom - top, right - left, (size & 0x7F) + 1, size > 0x7F, colours, "jpeg2k", lossy)
+    shape = _shape(bottom - top, right - left, samples)
+    return Stream(shape, (size & 0x7F) + 1, size > 0x7F, colours, "jpeg2k", lossy)
 
 
 def _of_jpeg(picture: bytes) -> Stream | None:
@@ -100,7 +104,7 @@ def _of_jpeg(picture: bytes) -> Stream | None:
                 scan = picture.index(b"\xff\xda", at)
                 lossy = picture[scan + 5 + 2 * picture[scan + 4]] > 0
             codec = "jpegls" if marker == _JPEG_LS else "jpeg8" if samples == 3 and lossy and bits == 8 else "jpeg"
-            return Stream(rows, columns, bits, None, colours if samples == 3 else "", codec, lossy)
+            return Stream(_shape(rows, columns, samples), bits, None, colours if samples == 3 else "", codec, lossy)
         at += 1 if marker == 0xFF else 2 + length
     return None
 
@@ -114,12 +118,17 @@ def decoded(picture: bytes, stream: Stream, *, in_ybr: bool) -> NDArray[Any]:
         return np.asarray(imagecodecs.jpeg2k_decode(picture))
     if stream.codec == "jpegls":
         return np.asarray(imagecodecs.jpegls_decode(picture))
-    if picture.count(b"\xff\xda") > MOST_SCANS:
-        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
+    check_scans(picture)
     if stream.codec == "jpeg":
         return np.asarray(imagecodecs.jpeg_decode(picture))
     colours = "YCBCR" if in_ybr else "RGB"
     return np.asarray(imagecodecs.jpeg8_decode(picture, colorspace=colours, outcolorspace="RGB"))
+
+
+def check_scans(picture: bytes) -> None:
+    """Raise ``ValueError`` where a JPEG is coded in very many scans."""
+    if picture.count(b"\xff\xda") > MOST_SCANS:
+        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
 
 
 def decoded_rle(picture: bytes, stated: Stated) -> NDArray[Any]:

@@ -34,9 +34,10 @@ LAYOUT = (
     "PlanarConfiguration", "BitsAllocated", "BitsStored", "HighBit", "PixelRepresentation", "ExtendedOffsetTable",
     "RedPaletteColorLookupTableDescriptor", "GreenPaletteColorLookupTableDescriptor",
     "BluePaletteColorLookupTableDescriptor", "RedPaletteColorLookupTableData", "GreenPaletteColorLookupTableData",
-    "BluePaletteColorLookupTableData",
+    "BluePaletteColorLookupTableData", "ConcatenationUID", "InConcatenationNumber", "InConcatenationTotalNumber",
+    "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence",
 )  # fmt: skip
-"""Samples cannot be read without these elements."""
+"""Samples cannot be read without these elements, nor told of which frame others are."""
 STREAMS = tuple(f"1.2.840.10008.1.2.4.{number}{end}" for number in range(100, 109) for end in ("", ".1"))
 """These transfer syntaxes are those of videos."""
 GREY = ("MONOCHROME1", "MONOCHROME2")
@@ -58,6 +59,15 @@ class DicomImage(DicomFile):
     stream: NDArray[np.int64] | None = None
     doubts: tuple[Doubt, ...] = ()
 
+    def of_frame(self, index: int, group: str, keyword: str) -> Any:
+        """Return an element of a frame: of its own functional ``group``, that of all, or the header; None: nowhere."""
+        own, shared = (self.header.get(f"{of}FunctionalGroupsSequence") or [] for of in ("PerFrame", "Shared"))
+        for groups in (*own[index : index + 1], *shared[:1]):
+            items = groups.get(group) or []
+            if len(items) and (value := items[0].get(keyword)) is not None:
+                return value
+        return self.header.get(keyword)
+
 
 def open_image(path: Path, keywords: tuple[str, ...] = ()) -> DicomImage:
     """Open a DICOM file: its elements of ``keywords`` besides those of the layout, and where its frames lie.
@@ -75,6 +85,8 @@ def image_of(of: DicomFile) -> DicomImage:
         check_samples(of)
         if not 0 < n_frames <= MOST_FRAMES:
             raise EndoctError(f"{path} holds no frames", found=f"{n_frames} by its header")
+        if (described := len(header.get("PerFrameFunctionalGroupsSequence") or ())) not in (0, n_frames):
+            raise EndoctError(f"{path} cannot be read", found=f"{n_frames} frames, {described} of them described")
         if syntax in STREAMS:
             return DicomImage(**vars(of), n_frames=n_frames, stream=fragments_of(file, path, of.start)[1:])
         stated, stored, high_bit = _stated(path, header, syntax)

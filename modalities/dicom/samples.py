@@ -57,7 +57,7 @@ class ReadSamples:
             stream = checked_stream(picture, self.stated, self.path)
             if stream != self.coded:
                 raise ValueError("a frame that is coded in another way than the first")
-            return self._of_stream(decoded(picture, stream, in_ybr=self.in_ybr), stream)
+            return self._of_stream(decoded(picture, stream, in_ybr=self.in_ybr).reshape(self.stated.shape), stream)
 
     def _plain(self, file: BufferedReader, index: int) -> NDArray[Any]:
         from pydicom.pixels.decoders.base import get_decoder
@@ -88,8 +88,6 @@ class ReadSamples:
 
     def _of_stream(self, numbers: NDArray[Any], stream: Stream) -> NDArray[Any]:
         """Return the numbers of a picture: in the bits that it has, where these are not those that the header says."""
-        if numbers.shape != self.stated.shape:
-            raise _other_pictures(self.path, numbers.shape, self.stated)
         bits = stream.bits
         if bits > self.high_bit >= self.stored:  # words were compressed, their unused bits with them
             numbers, bits = numbers >> (self.high_bit + 1 - self.stored), bits - (self.high_bit + 1 - self.stored)
@@ -115,17 +113,12 @@ def _with_sign(numbers: NDArray[Any], bits: int) -> NDArray[Any]:
 def checked_stream(picture: bytes, stated: Stated, path: Path) -> Stream:
     """Return what a compressed picture says of itself. Raises :class:`EndoctError` for another size than ``stated``."""
     stream = stream_of(picture)
-    if stream is None or (stream.rows, stream.columns) != (stated.rows, stated.columns):
-        raise _other_pictures(path, (0, 0) if stream is None else (stream.rows, stream.columns), stated)
+    if stream is None or stream.shape != stated.shape:
+        found = f"{(0, 0) if stream is None else stream.shape}"
+        raise EndoctError(f"{path} has other pictures in it than it says", found=found, expected=f"{stated.shape}")
     if stream.signed and stated.samples > 1:
         raise EndoctError(f"{path} cannot be read", found="colours with signs", remedy="export it as RGB")
     return stream
-
-
-def _other_pictures(path: Path, size: tuple[int, ...], stated: Stated) -> EndoctError:
-    return EndoctError(
-        f"{path} has other pictures in it than it says", found=f"{size}", expected=f"{stated.shape[: len(size)]}"
-    )
 
 
 def as_seen(numbers: NDArray[Any], read: ReadSamples) -> NDArray[Any]:

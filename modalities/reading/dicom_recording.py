@@ -1,8 +1,7 @@
 """The DICOM files of one recording: one of many frames, or a frame each, in the order that they state.
 
 Files of a frame each are ordered by their instance numbers. Where they also say where, or when, each was taken, that
-must agree. An element of a frame lies in its own functional groups, or in those that all frames share. Where files have
-a frame each, it lies in the header itself.
+must agree.
 """
 
 import re
@@ -26,8 +25,7 @@ if TYPE_CHECKING:
 
 ORDER = (
     "SeriesInstanceUID", "SeriesDescription", "InstanceNumber", "SliceLocation", "AcquisitionDateTime",
-    "AcquisitionTime", "ContentTime", "ConcatenationUID", "InConcatenationNumber", "InConcatenationTotalNumber",
-    "SharedFunctionalGroupsSequence", "PerFrameFunctionalGroupsSequence",
+    "AcquisitionTime", "ContentTime",
 )  # fmt: skip
 """These elements are read besides those of the samples."""
 _CLOCK = re.compile(r"(?:[0-9]{8})?([0-9]{2})([0-9]{2})([0-9]{2}(?:\.[0-9]{1,6})?)(?:[+-][0-9]{4})?")
@@ -55,7 +53,7 @@ class DicomRecording:
 
     def each(self, sequence: str, keyword: str) -> list[Any]:
         """Return an element of every frame, which lies in ``sequence`` of its functional groups; None where missing."""
-        return [value for image in self.images for value in _of_frames(image, sequence, keyword)]
+        return [image.of_frame(index, sequence, keyword) for image, index in self.frames]
 
     def number(self, keyword: str) -> float | None:
         """Return a number of the header, None where there is none. Raises ``ValueError`` where it is none."""
@@ -145,19 +143,3 @@ def _seconds(header: "Dataset") -> float | None:
 
 
 _PLACES: tuple[tuple[str, Callable[["Dataset"], float | None]], ...] = (("places", _location), ("times", _seconds))
-
-
-def _of_frames(image: DicomImage, sequence: str, keyword: str) -> list[Any]:
-    own = image.header.get("PerFrameFunctionalGroupsSequence") or []
-    shared = image.header.get("SharedFunctionalGroupsSequence") or []
-    common = _in_group(shared[0], sequence, keyword) if len(shared) else None
-    if common is None:
-        common = image.header.get(keyword)
-    found = [_in_group(groups, sequence, keyword) for groups in list(own)[: image.n_frames]]
-    found += [None] * (image.n_frames - len(found))
-    return [common if value is None else value for value in found]
-
-
-def _in_group(groups: "Dataset", sequence: str, keyword: str) -> Any:
-    items = groups.get(sequence) or []
-    return items[0].get(keyword) if len(items) else None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular
+from endoct.modalities.dicom.decoding import check_scans
 from endoct.modalities.reading.orientation import UPRIGHT, orientation_in_exif, upright
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
@@ -22,8 +23,6 @@ logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
 
 COPIES = 2
 """Decoding holds at most this many times the image: the image and one copy."""
-MOST_SCANS = 50
-"""A progressive JPEG may have this many scans; usual ones have 10. Each goes over the whole image."""
 CHANNELS = {0: 1, 2: 3, 3: 4, 4: 2, 6: 4}
 """The number of channels follows from a PNG's type of colour."""
 _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
@@ -48,21 +47,11 @@ def read_image(path: Path) -> tuple[NDArray[Any], int, float]:
             image, orientation, aspect = _png(data, path)
             return upright(image, orientation), orientation, aspect
         if data.startswith(_JPEG):
-            orientation = _orientation_of_jpeg(data)
-            across, down = struct.unpack(">HH", data[14:18]) if data[6:11] == b"JFIF\0" else (1, 1)
-            return upright(_jpeg(data, path), orientation), orientation, _aspect(across, down)
+            image, orientation, aspect = _jpeg(data, path)
+            return upright(image, orientation), orientation, aspect
         if data.startswith(_BMP):
             return _bmp(data, path), UPRIGHT, 1.0
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
-
-
-def check_jpeg(data: bytes, shape: tuple[int, int], subject: str) -> None:
-    """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (rows, columns), or is coded in many scans."""
-    rows, columns, _ = _jpeg_shape(data)
-    if columns != shape[1] or rows > shape[0]:
-        raise EndoctError(
-            f"{subject} is damaged", found=f"a JPEG of {rows} × {columns}", expected=f"{shape[0]} × {shape[1]}"
-        )
 
 
 def _aspect(across: int, down: int) -> float:
@@ -99,38 +88,21 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         place += 12 + length
 
 
-def _jpeg(data: bytes, path: Path) -> NDArray[Any]:
-    rows, columns, channels = _jpeg_shape(data)
-    _check(rows, columns, channels, 1, path)
-    if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
-        raise EndoctError(f"{path} is damaged or truncated", found="a JPEG without its end")
-    return np.asarray(imagecodecs.jpeg8_decode(data))
-
-
-def _jpeg_shape(data: bytes) -> tuple[int, int, int]:
-    """Return (rows, columns, channels) as a JPEG's header has them, grey or of three colours."""
+def _jpeg(data: bytes, path: Path) -> tuple[NDArray[Any], int, float]:
     from PIL import JpegImagePlugin  # here and below: a plug-in's manifest names suffixes without loading these
 
     with JpegImagePlugin.JpegImageFile(io.BytesIO(data)) as image:
         columns, rows = image.size
-        channels, in_scans = len(image.getbands()), "progressive" in image.info
+        channels, said = len(image.getbands()), image.info
     if channels not in (1, 3):
         raise ValueError(f"a JPEG of {channels} colours")
-    if in_scans and data.count(b"\xff\xda") > MOST_SCANS:  # others have three at most
-        raise ValueError(f"a JPEG in more than {MOST_SCANS} scans")
-    return rows, columns, channels
-
-
-def _orientation_of_jpeg(data: bytes) -> int:
-    """Return the orientation in a JPEG's EXIF, which lies in one of the segments before its samples."""
-    place = 2
-    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] not in (b"\xda", b""):
-        length = int.from_bytes(data[place + 2 : place + 4], "big")
-        segment = data[place + 4 : place + 2 + max(length, 2)]
-        if data[place + 1] == 0xE1 and segment.startswith(b"Exif\0\0"):
-            return orientation_in_exif(segment)
-        place += 2 + max(length, 2)
-    return UPRIGHT
+    if "progressive" in said:  # others have three scans at most
+        check_scans(data)
+    _check(rows, columns, channels, 1, path)
+    if data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda"):  # cameras write more behind it: previews, depths, films
+        raise EndoctError(f"{path} is damaged or truncated", found="a JPEG without its end")
+    aspect = _aspect(*said.get("jfif_density", (1, 1)))
+    return np.asarray(imagecodecs.jpeg8_decode(data)), orientation_in_exif(said.get("exif", b"")), aspect
 
 
 def _bmp(data: bytes, path: Path) -> NDArray[Any]:

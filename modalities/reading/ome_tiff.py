@@ -12,13 +12,12 @@ along Z or T, whichever has several. ``Plane`` may say of each where the stage s
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
@@ -37,26 +36,6 @@ JITTER = 0.1
 LOOKED_AT = 4096
 ORDERS = ("XYZCT", "XYZTC", "XYCTZ", "XYCZT", "XYTCZ", "XYTZC")
 PLAIN = "export it as a plain TIFF, one page a frame"
-
-
-@dataclass(frozen=True, eq=False)
-class _ReadPlanes:
-    """Reads frames from the pages on which a description has them."""
-
-    read: Any
-    pages: tuple[int, ...]
-    pixel_aspect: float
-
-    @property
-    def remarks(self) -> Remarks:
-        """What is to be said of all frames."""
-        said: Remarks = self.read.remarks
-        return said
-
-    def __call__(self, index: int) -> NDArray[Any]:
-        """Return one frame."""
-        frame: NDArray[Any] = self.read(self.pages[index])
-        return frame
 
 
 def _claims(path: Path) -> bool:
@@ -78,7 +57,7 @@ def _open(files: Files) -> Frames:
         planes, on_planes = _planes(path, root, pixels, n_pages)
         along, on_places = _along(pixels, len(planes))
         remarks = _steps(pixels).remarks + on_planes + on_places
-    return Frames(len(planes), _ReadPlanes(read, planes, _pixel_aspect(pixels)), along, remarks)
+    return Frames(len(planes), replace(read, order=planes, pixel_aspect=_pixel_aspect(pixels)), along, remarks)
 
 
 def _states(files: Files) -> Stated:

@@ -1,6 +1,7 @@
 """Which way up an image is to be seen: the tag Orientation of TIFF and of EXIF in JPEG and PNG."""
 
-import struct
+import warnings
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ from endoct.modalities.reading.remarks import NONE, Remarks
 
 UPRIGHT = 1
 TAG = 274
-_MOST_ENTRIES = 1000
 _MEANING = {
     2: "mirrored left to right",
     3: "turned by 180°",
@@ -35,19 +35,14 @@ def upright(image: NDArray[Any], orientation: int) -> NDArray[Any]:
 
 def orientation_in_exif(data: bytes) -> int:
     """Return the orientation in EXIF data, 1 where it has none or an impossible one."""
-    data = data.removeprefix(b"Exif\0\0")
-    order = {b"II": "<", b"MM": ">"}.get(data[:2])
-    try:
-        if order is None:
-            return UPRIGHT
-        (at,) = struct.unpack_from(order + "I", data, 4)
-        (count,) = struct.unpack_from(order + "H", data, at)
-        for k in range(min(count, _MOST_ENTRIES)):
-            tag, kind, _, value = struct.unpack_from(order + "HHIH", data, at + 2 + 12 * k)
-            if (tag, kind) == (TAG, 3):
-                return checked(value)
-    except struct.error:
-        pass
+    from PIL.Image import Exif
+
+    exif = Exif()
+    with suppress(Exception), warnings.catch_warnings():  # of no matter is what else is wrong with it
+        warnings.simplefilter("ignore")
+        exif.load(data)
+        orientation = exif.get(TAG)
+        return checked(orientation) if isinstance(orientation, int) else UPRIGHT
     return UPRIGHT
 
 

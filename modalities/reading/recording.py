@@ -56,8 +56,9 @@ class ImageStack:
         *,
         along: Along | None = None,
         remarks: Remarks = NONE,
+        grey: bool = False,
     ) -> None:
-        self.path = path
+        self.path, self._grey = path, grey
         self.along = along
         self._n_frames = n_frames
         self.reader = read
@@ -96,7 +97,7 @@ class ImageStack:
 
     def with_remarks(self, remarks: Remarks) -> "ImageStack":
         """Return the stack with ``remarks`` before its own."""
-        return ImageStack(self.path, len(self), self.reader, along=self.along, remarks=remarks + self._remarks)
+        return self._copied(remarks + self._remarks, grey=self._grey)
 
     def grey(self) -> "ImageStack":
         """Return the stack with frames of three equal colours as (row, column); itself where some have others.
@@ -108,7 +109,7 @@ class ImageStack:
         greys = [without_colour(frame) for frame in some_frames(self)]
         if any(grey is None for grey in greys) or not any(np.ptp(grey) for grey in greys if grey is not None):
             return self
-        return ImageStack(self.path, len(self), _ReadGrey(self), along=self.along, remarks=self._remarks)
+        return self._copied(self._remarks, grey=True)
 
     @property
     def remarks(self) -> Remarks:
@@ -130,10 +131,19 @@ class ImageStack:
         """Return a frame as its file holds it: with transparency, and with numbers of colours for these."""
         return np.asarray(getattr(self.reader, "stored", self.reader)(index))
 
+    def _copied(self, remarks: Remarks, *, grey: bool) -> "ImageStack":
+        return ImageStack(self.path, len(self), self.reader, along=self.along, remarks=remarks, grey=grey)
+
     def _frame(self, index: int) -> NDArray[Any]:
         frame = self.reader(index)
         if frame.ndim == 3 and frame.shape[2] in (1, 2, 4):
             frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
+        if self._grey:
+            grey = without_colour(frame)
+            if grey is None:
+                what, remedy = f"frame {index} of {self.path} has colours", "export the recording again as grey images"
+                raise EndoctError(what, expected="grey, as the first", remedy=remedy)
+            frame = grey
         if frame.dtype in SAMPLES or frame.dtype.kind not in "uif":
             return frame
         with np.errstate(over="ignore"):  # what is beyond float32 is not finite, and refused so
@@ -244,28 +254,6 @@ def image_files(folder: Path) -> list[Path]:
 
 def _images(folder: Path) -> list[Path]:
     return [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
-
-
-class _ReadGrey:
-    """Reads frames of three equal colours as one."""
-
-    def __init__(self, stack: ImageStack) -> None:
-        self._stack = stack
-
-    @property
-    def remarks(self) -> Remarks:
-        """What is to be said of how frames are stored."""
-        return remarks_of(self._stack.reader)
-
-    def __call__(self, index: int) -> NDArray[Any]:
-        grey = without_colour(self._stack[index])
-        if grey is None:
-            raise EndoctError(
-                f"frame {index} of {self._stack.path} has colours",
-                expected="grey, as the first",
-                remedy="export the recording again as grey images",
-            )
-        return grey
 
 
 class _ReadImages:

@@ -7,6 +7,7 @@ import re
 import struct
 from array import array
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
+from endoct.modalities.dicom.decoding import check_scans, stream_of
 from endoct.modalities.reading.arrays_on_disk import ReadBlocks
 from endoct.modalities.reading.format import Files, Format, Frames
-from endoct.modalities.reading.images import check_jpeg
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
 from endoct.modalities.reading.repeated_frames import without_colour
@@ -61,7 +62,7 @@ def is_tiff(path: Path) -> bool:
     return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 
-def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
+def read_tiff(path: Path) -> "tuple[int, ReadTiff]":
     """Return the number of frames of a TIFF, and what reads one. Raises :class:`EndoctError` where it is no stack.
 
     A frame is a page; only what ImageJ and tifffile write as one page before all samples of a stack is more.
@@ -81,28 +82,30 @@ def read_tiff(path: Path) -> "tuple[int, _ReadTiff]":
                     remedy="remove the others, or export the recording again",
                 )
         stacked, calibrated = _frames_declared(first, file, layout), _calibrated(first, file)
-        if len(places) == 1 and stacked > 1:
-            return stacked, _ReadTiff(_stack_in_one_page(first, file, layout, stacked), layout, palette, calibrated)
-        for end in (first, page):  # a copy that was cut off lacks the last
-            end.segments(file, layout)
-        return len(places), _ReadTiff(_ReadTiffPages(path, places, layout), layout, palette, calibrated)
+        n_frames = len(places)
+        read: Callable[[int], NDArray[Any]] = _ReadTiffPages(path, places, layout)
+        if n_frames == 1 and stacked > 1:
+            n_frames, read = stacked, _stack_in_one_page(first, file, layout, stacked)
+        else:
+            for end in (first, page):  # a copy that was cut off lacks the last
+                end.segments(file, layout)
+        return n_frames, ReadTiff(read, layout, palette, calibrated, layout.pixel_aspect)
 
 
-class _ReadTiff:
+@dataclass(frozen=True, eq=False)
+class ReadTiff:
     """Reads one frame as it is to be seen: samples turned over where 0 is white, colours for their numbers, upright.
 
     ``calibrated``: what ImageJ adds to samples, and before that multiplies them by; empty where it does nothing.
+    ``order``: which of the frames as they lie in the file is which; None where they lie in their order.
     """
 
-    def __init__(
-        self,
-        read: Callable[[int], NDArray[Any]],
-        layout: Layout,
-        palette: NDArray[Any] | None,
-        calibrated: tuple[float, ...],
-    ) -> None:
-        self._read, self.layout, self.palette, self._calibrated = read, layout, palette, calibrated
-        self.pixel_aspect = layout.pixel_aspect
+    read: Callable[[int], NDArray[Any]]
+    layout: Layout
+    palette: NDArray[Any] | None
+    calibrated: tuple[float, ...]
+    pixel_aspect: float
+    order: tuple[int, ...] | None = None
 
     @property
     def remarks(self) -> Remarks:
@@ -110,14 +113,14 @@ class _ReadTiff:
         notes = []
         if self.layout.photometric == WHITE_IS_ZERO:
             notes.append("The TIFF says that 0 is white (WhiteIsZero); its samples were turned over: 0 is black now.")
-        if self._calibrated:
-            c0, c1 = self._calibrated
+        if self.calibrated:
+            c0, c1 = self.calibrated
             notes.append(f"ImageJ's calibration was applied, as Fiji shows values: {c0:g} + {c1:g} × what is stored.")
         return Remarks(notes=tuple(notes)) + on_orientation(self.layout.orientation)
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return one frame, upright, black as 0; numbers of colours where there is a palette."""
-        frame = self._read(index)
+        frame = self.read(index if self.order is None else self.order[index])
         if frame.dtype == np.bool_:
             frame = frame.astype(np.uint8) * np.uint8(1 if self.palette is not None else 255)
         if self.layout.photometric == WHITE_IS_ZERO:
@@ -133,9 +136,9 @@ class _ReadTiff:
         frame = self.stored(index)
         if self.palette is not None:
             return self.palette[frame.astype(np.intp, copy=False)]
-        if not self._calibrated:
+        if not self.calibrated:
             return frame
-        c0, c1 = self._calibrated
+        c0, c1 = self.calibrated
         return (c0 + c1 * frame.astype(np.float64)).astype(np.float32)
 
 
@@ -184,35 +187,37 @@ def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
         if 347 in page.tags:
             _, count, place = page.tags[347]
             tables = taken(page.path, file, place, min(count, MOST_TABLE_BYTES))
-        high, wide = page.segment_shape(file, layout)
         for segment in segments:
-            check_jpeg(segment, (high, wide), f"a page of {page.path}")
-
+            _check_jpeg(segment, (*page.segment_shape(file, layout), *layout.shape[2:]), page.path)
     tags = {tag: page.numbers(file, tag, most=64) for tag in DECODING_TAGS if tag in page.tags}
     if layout.photometric == RGB and any(_ADOBE_YCBCR.search(segment[:MOST_TABLE_BYTES]) for segment in segments):
         tags[262] = (YCBCR,)  # the stream knows better
-    places = (324, 325) if 322 in page.tags else (273, 279)
-    n_tags = len(tags) + 2 + bool(tables)
-    behind = 16 + 8 + 20 * n_tags + 8
-    values = {tag: struct.pack(f"{page.order}{len(of)}Q", *of) for tag, of in tags.items()}
-    sizes = struct.pack(f"{page.order}{len(counts)}Q", *counts)
-    starts = behind + sum(map(len, values.values())) + 2 * len(sizes) + len(tables)
-    begins = np.cumsum([starts, *counts])[:-1].tolist()
-    values |= {places[0]: struct.pack(f"{page.order}{len(begins)}Q", *begins), places[1]: sizes}
+    word = f"{page.order}u8"
+    places, sizes = (324, 325) if 322 in page.tags else (273, 279)
+    values = {tag: np.array(of, word).tobytes() for tag, of in (tags | {sizes: counts}).items()}
     if tables:
         values[347] = tables
-    head = struct.pack(page.order + "2sHHHQ", b"II" if page.order == "<" else b"MM", 43, 8, 0, 16)
-    entries = [struct.pack(page.order + "Q", n_tags)]
-    data: list[bytes] = []
-    for tag in sorted(values):
-        value = values[tag]
+    behind = 24 + 20 * (len(values) + 1) + 8
+    begin = behind + sum(map(len, values.values())) + 8 * len(counts)
+    values[places] = np.cumsum([begin, *counts])[:-1].astype(word).tobytes()
+    head = struct.pack(page.order + "2sHHHQQ", b"II" if page.order == "<" else b"MM", 43, 8, 0, 16, len(values))
+    entries, data = b"", b""
+    for tag, value in sorted(values.items()):
         kind, count = (7, len(value)) if tag == 347 else (16, len(value) // 8)
-        inline = (
-            value.ljust(8, b"\0") if len(value) <= 8 else struct.pack(page.order + "Q", behind + sum(map(len, data)))
-        )
-        entries.append(struct.pack(page.order + "HHQ", tag, kind, count) + inline)
-        data.append(value)
-    return b"".join([head, *entries, bytes(8), *data, *segments])
+        within = value.ljust(8, b"\0") if len(value) <= 8 else struct.pack(page.order + "Q", behind + len(data))
+        entries += struct.pack(page.order + "HHQ", tag, kind, count) + within
+        data += value
+    return b"".join([head, entries, bytes(8), data, *segments])
+
+
+def _check_jpeg(data: bytes, shape: tuple[int, ...], path: Path) -> None:
+    """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (row, column, …), or coded in many scans."""
+    stream = stream_of(data)
+    if stream is None or stream.shape[1:] != shape[1:] or stream.shape[0] > shape[0]:
+        found = "no JPEG" if stream is None else f"a JPEG of {' × '.join(map(str, stream.shape))}"
+        expected = " × ".join(map(str, shape))
+        raise EndoctError(f"a page of {path} is damaged", found=found, expected=expected)
+    check_scans(data)
 
 
 def _calibrated(page: Page, file: BinaryIO) -> tuple[float, ...]:
@@ -262,16 +267,6 @@ def _frames_declared(page: Page, file: BinaryIO, layout: Layout) -> int:
         axes = list(shape[: len(shape) - len(layout.shape)])
         if '"truncated": true' not in text:
             images = 0  # every frame has its page
-    elif "<OME" in text:
-        declared = {
-            key: int(value) for key, value in re.findall(r'\bSize([CZT])="(\d{1,9})"', text[text.find("<Pixels") :])
-        }
-        axes = [
-            1 if declared.get("C", 1) == samples else declared.get("C", 1),
-            declared.get("Z", 1),
-            declared.get("T", 1),
-        ]
-        images = 0
     several = [size for size in axes if size > 1]
     if len(several) > 1:
         raise EndoctError(

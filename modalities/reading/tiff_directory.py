@@ -6,7 +6,7 @@ Nothing of what a vendor adds to a TIFF is interpreted: no OME-XML, no sub-direc
 import math
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NoReturn
 
@@ -192,7 +192,7 @@ class Page:
 
 def pages(path: Path, file: BinaryIO) -> Iterator[Page]:
     """Yield the directories of a TIFF in their order. Raises :class:`EndoctError` for a chain that does not end."""
-    place, seen = _form(path, file).first, set[int]()
+    place, seen = _form(path, file)[2], set[int]()
     while place:
         if place in seen or len(seen) >= MOST_PAGES:
             damaged(path, "directories in a circle" if place in seen else f"more than {MOST_PAGES} pages")
@@ -206,62 +206,32 @@ def pages(path: Path, file: BinaryIO) -> Iterator[Page]:
 
 def page_at(path: Path, file: BinaryIO, place: int) -> Page:
     """Return the directory at ``place``. Raises :class:`EndoctError` where there is none."""
-    form = _form(path, file)
-    entry, width = form.entry_bytes, form.offset_bytes
-    first = place + form.count_bytes
-    n_tags = int.from_bytes(taken(path, file, place, form.count_bytes), form.byteorder)
+    order, big, _ = _form(path, file)
+    head, entry, width = (8, 20, 8) if big else (2, 12, 4)
+    first = place + head
+    n_tags = _number(path, file, place, f"{order}u{head}")
     if not 1 <= n_tags <= MOST_TAGS:
         damaged(path, f"a page with {n_tags} tags")
-    data = taken(path, file, first, n_tags * entry + width)
-    fields = np.dtype(
-        [
-            (name, f"{form.order}u{size}")
-            for name, size in zip(("tag", "kind", "count", "value"), form.sizes, strict=True)
-        ]
-    )
+    data = taken(path, file, first, n_tags * entry)
+    fields = np.dtype(f"{order}u2,{order}u2,{order}u{width},{order}u{width}")
     tags: dict[int, tuple[int, int, int]] = {}
     for k, (tag, kind, count, value) in enumerate(np.frombuffer(data, fields, n_tags).tolist()):
         inside = _SIZES.get(kind, 1) * count <= width
         tags.setdefault(tag, (kind, count, first + (k + 1) * entry - width if inside else value))
-    return Page(path, form.order, place, int.from_bytes(data[n_tags * entry :], form.byteorder), tags)
+    return Page(path, order, place, _number(path, file, first + n_tags * entry, f"{order}u{width}"), tags)
 
 
-@dataclass(frozen=True)
-class _Form:
-    """How numbers are written in a TIFF (or ``big``), and where its first directory lies."""
-
-    order: Order
-    big: bool
-    first: int = 0
-
-    @property
-    def byteorder(self) -> Literal["little", "big"]:
-        return "little" if self.order == "<" else "big"
-
-    @property
-    def offset_bytes(self) -> int:
-        return 8 if self.big else 4
-
-    @property
-    def count_bytes(self) -> int:
-        return 8 if self.big else 2
-
-    @property
-    def entry_bytes(self) -> int:
-        return 20 if self.big else 12
-
-    @property
-    def sizes(self) -> tuple[int, int, int, int]:
-        return 2, 2, self.offset_bytes, self.offset_bytes
-
-
-def _form(path: Path, file: BinaryIO) -> _Form:
+def _form(path: Path, file: BinaryIO) -> tuple[Order, bool, int]:
+    """Return how numbers are written in a TIFF, whether it is a BigTIFF, and where its first directory lies."""
     start = taken(path, file, 0, 4)
     if start not in _START:
         raise EndoctError(f"{path} is no readable TIFF", remedy="copy or export it again")
-    form = _Form(*_START[start])
-    place = taken(path, file, 8 if form.big else 4, form.offset_bytes)
-    return replace(form, first=int.from_bytes(place, form.byteorder))
+    order, big = _START[start]
+    return order, big, _number(path, file, 8 if big else 4, f"{order}u{8 if big else 4}")
+
+
+def _number(path: Path, file: BinaryIO, place: int, dtype: str) -> int:
+    return int(np.frombuffer(taken(path, file, place, np.dtype(dtype).itemsize), dtype)[0])
 
 
 def taken(path: Path, file: BinaryIO, place: int, count: int) -> bytes:

@@ -52,6 +52,11 @@ def j2k(words: NDArray[Any], **how: Any) -> bytes:
     return bytes(imagecodecs.jpeg2k_encode(words, level=0, reversible=True, **{"codecformat": "j2k"} | how))
 
 
+def with_components(stream: bytes, count: int) -> bytes:
+    """Return a JPEG 2000 whose header claims ``count`` numbers a pixel, for which a decoder would take memory."""
+    return stream[:40] + count.to_bytes(2, "big") + stream[42:]
+
+
 def lossless(words: NDArray[Any], bits: int) -> bytes:
     return bytes(imagecodecs.jpeg_encode(words, lossless=True, predictor=1, bitspersample=bits))
 
@@ -250,6 +255,7 @@ GUARDS: dict[str, tuple[str, Callable[[], Dataset]]] = {
     "found (3, 3); expected (2, 3)": (LS, lambda: coded([j2k(np.eye(3, dtype=np.uint16))], WORDS)),
     "found (0, 0); expected (2, 3)": (LS, lambda: coded([b"no stream"], WORDS)),
     "found (16, 24, 3); expected (16, 24)": (J2K, lambda: coded([j2k(COLOUR)], COLOUR[None, ..., 0])),
+    "found (2, 3, 16384); expected (2, 3)": (J2K, lambda: coded([with_components(j2k(WORDS[0]), 16384)], WORDS)),
     "colours with signs": (J2K, lambda: coded([j2k(COLOUR.view(np.int8))], COLOUR[None], "RGB")),
     "found up to 4095; expected numbers of 11 bits": (LS, lambda: coded([LS_WORDS], WORDS, BitsStored=11, HighBit=10)),
     "more than 50 scans": (JPEG, lambda: coded([_scans()], COLOUR[None], "YBR_FULL_422")),

@@ -14,6 +14,7 @@ import zarr
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError
+from endoct.fusion.files.drawings import read_drawing
 from endoct.modalities.reading.numbering import spacing_of
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
 from endoct.modalities.registry import manifest_for
@@ -335,3 +336,21 @@ def test_the_aspect_of_pixels_by_their_physical_size(tmp_path: Path) -> None:
     path = ome(tmp_path / "a.tif", axes="ZYX", PhysicalSizeX=3.0, PhysicalSizeY=2.0)
     assert open_stack(path).pixel_aspect == pytest.approx(1.5)
     assert open_stack(ome(tmp_path / "b.tif", axes="ZYX", PhysicalSizeX=3.0)).pixel_aspect == 1
+
+
+def test_a_mask_in_ome_tiff_keeps_its_palette_and_which_value_is_white(tmp_path: Path) -> None:
+    cells = np.zeros((6, 8), np.uint8)
+    cells[1:3, 2:5] = 1
+    colours = np.zeros((3, 256), np.uint16)
+    colours[:, 0] = colours[0, 1] = 65535  # the ground is white, cell is red
+    tifffile.imwrite(tmp_path / "palette.tif", cells, ome=True, photometric="palette", colormap=colours)
+    stack = open_stack(tmp_path / "palette.tif")
+    np.testing.assert_array_equal(stack.stored(0), cells)
+    assert stack.palette is not None
+    assert stack.palette[:2].tolist() == [[255, 255, 255], [255, 0, 0]]
+    for name, stored in (("white.tif", 255 - 255 * cells), ("most.tif", 255 * cells)):
+        tifffile.imwrite(tmp_path / name, stored, ome=True, photometric="miniswhite", metadata={"axes": "YX"})
+    for name in ("palette.tif", "white.tif"):
+        np.testing.assert_array_equal(read_drawing(tmp_path / name, None), cells > 0)
+    with pytest.raises(EndoctError, match="88% of it white, in a file that changes what black and white stand for"):
+        read_drawing(tmp_path / "most.tif", None)
