@@ -173,10 +173,14 @@ def _crossing_lines(pool: Pool, behind_face: Image, clear: tuple[Mask, Mask], si
 
 
 def _excess(samples: Image, mm_per_px: float) -> Image:
-    """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around."""
+    """Return how far the median of every depth of ``samples``, NaN where not judged, stands out of those around.
+
+    It is 0 where too few are judged: what is known of the depths next to it says nothing of a line there.
+    """
     level = filled_medians(samples)
     around = percentile_filter(level, 25, round(LINE_BACKGROUND_MM / mm_per_px) | 1, mode="nearest")
-    return np.asarray(level - around, dtype=np.float32)
+    judged = np.count_nonzero(np.isfinite(samples), axis=0) >= FEWEST_ASCANS
+    return np.where(judged, level - around, 0).astype(np.float32)
 
 
 def _is_everywhere(contrast: Coordinates, part: NDArray[np.intp], sigma: float) -> bool | None:

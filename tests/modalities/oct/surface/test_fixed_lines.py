@@ -131,3 +131,12 @@ def test_in_whatever_unit_samples_are_lines_are_the_same(line_power: float) -> N
         np.testing.assert_allclose(found.excess, counts * in_db.excess, atol=1e-2 * counts)
         np.testing.assert_array_equal(found.undecided, in_db.undecided)
     assert in_db.excess.any()
+
+
+@pytest.mark.parametrize("before_mm", [0.06, 0.07])
+def test_depths_that_no_ascan_judges_are_no_part_of_the_line_next_to_them(before_mm: float) -> None:
+    """Behind a line that ends where the face is farthest, nothing is before the face any more."""
+    row = round((AXIS_DEPTH_MM + CAPILLARY_MM + 0.2 - before_mm) / PIXEL_MM)
+    claimed = np.flatnonzero(lines_of(0.2, line_row=row).excess)
+    assert set(range(row, row + 4)) <= set(claimed)
+    assert np.abs(claimed - row - 1.5).max() <= 3
