@@ -82,9 +82,9 @@ def _dotted(module: str) -> str:
 
 NAMED: tuple[tuple[str, str, str, str], ...] = (
     (
-        "fusion/comparison.py",
-        'one = Surface("", *placement.mask(cells[0].mask, a.panorama.valid))',
-        'one = Surface("", placement.mask(cells[0].mask, a.panorama.valid)[0], np.ones_like(b.panorama.valid))',
+        "fusion/pair_overlaps.py",
+        'one = Surface("", *placement.mask(masks[0], a.panorama.valid))',
+        'one = Surface("", placement.mask(masks[0], a.panorama.valid)[0], b.panorama.valid | True)',
         "tests/fusion/test_comparison.py",
     ),
     ("fusion/scoring/cells.py", " & ~side.mask", "", "tests/fusion/scoring/test_budget.py"),

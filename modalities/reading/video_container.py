@@ -64,7 +64,7 @@ def start_of_source(source: Source, count: int) -> bytes:
     """Return the first ``count`` bytes, none where they cannot be read."""
     try:
         with open_source(source) as file:
-            return file.read(count)
+            return file.read(count) or b""  # None where a system's file has nothing to say just now
     except (EndoctError, OSError):
         return b""
 

@@ -62,9 +62,15 @@ def accompanies(file: Path) -> bool:
 
 def texts_in(value: object) -> set[str]:
     """Return all texts in a value of JSON or TOML, at any depth: names of files may be among them."""
-    if isinstance(value, dict):
-        return {text for each in value.values() for text in texts_in(each)}
-    return {value} if isinstance(value, str) else set()
+    texts: set[str] = set()
+    left = [value]
+    while left:
+        this = left.pop()
+        if isinstance(this, dict):
+            left.extend(this.values())
+        elif isinstance(this, str):
+            texts.add(this)
+    return texts
 
 
 def _why(path: Path) -> str:

@@ -96,8 +96,8 @@ def _overlaps(result: Result) -> Iterator[NamedOverlap]:
         if own_rows := result.scores.own_rows if result.scores else None:
             yield NamedOverlap(result.sides, f"on the rows of {own_rows.rows_of}, not interpolated", own_rows)
         if by_li := result.by_li:
-            yield NamedOverlap(result.sides, f"on the common grid, {BY_LI}", by_li.grid)
-            where = f"on the rows of {by_li.own_rows.rows_of}, {BY_LI}"
+            yield NamedOverlap(result.sides, f"{BY_LI}, on the common grid", by_li.grid)
+            where = f"{BY_LI}, on the rows of {by_li.own_rows.rows_of}"
             yield NamedOverlap(result.sides, where, by_li.own_rows, is_detail=True)
     for path, sides in (result.truth or {}).items():
         for side, scores in sides.items():

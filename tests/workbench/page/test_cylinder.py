@@ -107,7 +107,9 @@ def point(watched: Watched, x: float, y: float) -> tuple[float, float] | None:
         assert re.search(r"θ\n–", watched.page.locator(".readout").inner_text())
         return None
     theta_rad, z_mm = (float(one) for one in found.split())
-    assert f"{math.degrees(theta_rad) % 360:.2f}°" in watched.page.locator(".readout").inner_text()
+    said = re.search(r"θ\n([\d.]+)°", watched.page.locator(".readout").inner_text())
+    assert said is not None
+    assert float(said[1]) == pytest.approx(math.degrees(theta_rad) % 360, abs=0.0101)  # both are rounded
     return theta_rad, z_mm
 
 

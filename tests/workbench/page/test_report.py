@@ -104,9 +104,9 @@ def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
     assert f"{result.dice:.3f}" in said
     assert f"Jaccard index on the common grid {result.jaccard:.3f} 95 % interval" in said
     assert f"Jaccard index on the rows of oct {0.8765:.3f} not interpolated" in said
-    assert "Jaccard index on the common grid 0.432 by Li's threshold alone, 95 % interval 0.38 to 0.48" in said
-    assert "on the rows of oct, by Li's threshold alone" not in said
-    assert "endoscope and oct, on the rows of oct, by Li's threshold alone 0.457" in page.text
+    assert "Jaccard index by Li's threshold alone 0.432 on the common grid, 95 % interval 0.38 to 0.48" in said
+    assert "by Li's threshold alone, on the rows of oct" not in said
+    assert "endoscope and oct, by Li's threshold alone, on the rows of oct 0.457" in page.text
     assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in said
     # the answer comes first, how it came about last; a number is named for what it is
     assert said.index(f"Aligned. Jaccard {result.jaccard:.2f} (") < said.index("Aligned with confidence")

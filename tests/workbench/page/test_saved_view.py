@@ -79,7 +79,7 @@ def layers_of(svg: bytes) -> list[np.ndarray]:
 
 def is_coloured(part: np.ndarray) -> np.ndarray:
     """Say of every pixel whether it has a colour of viridis, and none of grey or of the hatching."""
-    hatched = (part[..., 2] - part[..., 0] > 40) & (part[..., 2] > 180)
+    hatched = (part[..., 2] - part[..., 0] > 25) & (part[..., 2] > 180)  # viridis has no blue above 145
     return (np.ptp(part, axis=2) > 30) & ~hatched
 
 

@@ -16,7 +16,8 @@ NAMES = [f"s{k}" for k in range(8)]
 
 
 def board_of(tmp_path: Path, *files: list[Scored]) -> TaskBoard:
-    entries = [entry(name, difficulty="easy" if k < 4 else "hard") for k, name in enumerate(NAMES)]
+    used = {row.specimen for rows in files for row in rows}
+    entries = [entry(name, difficulty="easy" if k < 4 else "hard") for k, name in enumerate(NAMES) if name in used]
     for number, rows in enumerate(files):
         (tmp_path / f"file{number}.json").write_text(text_of(submission(rows, entries)), encoding="utf-8")
     (board,) = read_boards(tmp_path)
