@@ -296,7 +296,7 @@ def test_a_heavy_manifest_is_caught(package: SimpleNamespace, recording: Path, t
         with pytest.raises(NotConforming, match="loads cv2"):
             BY_NAME["manifest_is_light"](Subject(heavy, recording))
         patch.setattr("endoct.modalities.conformance.recording_checks.LONGEST_S", 1e-3)
-        with pytest.raises(NotConforming, match=r"importing .*heavy_sidecar has no end within 0\.001 s"):
+        with pytest.raises(NotConforming, match="heavy_sidecar has no end within"):
             BY_NAME["manifest_is_light"](Subject(heavy, recording))
 
 

@@ -78,6 +78,8 @@ def check_credible(submission: Submission, name: str, specimens: Sequence[str]) 
     def refuse(why: str, value: str, expected: str) -> EndoctError:
         return EndoctError(f"the submission {name} cannot be used: {why}", found=value, expected=expected)
 
+    if not (submission.methods and submission.specimens):
+        raise refuse("it is empty", "no methods" if submission.specimens else "no specimens", "one at least")
     if len(submission.methods) > MOST_METHODS:
         raise refuse("too many methods", f"{len(submission.methods)}", f"{MOST_METHODS} at most")
     for program, command in submission.programs.items():

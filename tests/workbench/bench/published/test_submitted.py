@@ -75,6 +75,14 @@ def test_every_method_has_every_case_once() -> None:
     checked([mine, other])
 
 
+def test_what_is_empty_is_no_submission() -> None:
+    whole = submission([scored("a", "mine", 0.5)], [entry("a")])
+    empty = {"methods": {}, "rows": ()}, {"specimens": (), "rows": ()}
+    for change, expected, said in zip(empty, (["a"], []), ("no methods", "no specimens"), strict=True):
+        with pytest.raises(EndoctError, match=f"it is empty; found {said}"):
+            check_credible(whole.model_copy(update=change), "mine.json", expected)
+
+
 def test_a_set_is_whole_and_each_specimen_in_it_once() -> None:
     rows = [scored(name, "mine", 0.5) for name in "ab"]
     for names, expected in (("ab", "abc"), ("ab", "a"), ("aab", "ab")):
