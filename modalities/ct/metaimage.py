@@ -13,7 +13,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, StoredVolume, named_file, read_voxels
+from endoct.modalities.ct.stored import AXES, CtVolume, named_file, read_voxels
 
 MOST_HEADER = 64_000
 LAST_KEY = "elementdatafile"
@@ -33,7 +33,7 @@ def is_metaimage(path: Path) -> bool:
     return KEY.match(start) is not None and re.search(rb"(?im)^\s*(NDims|ObjectType)\s*=", start) is not None
 
 
-def read_metaimage(path: Path) -> StoredVolume:
+def read_metaimage(path: Path) -> CtVolume:
     """Return the volume in a MetaImage, or in the file next to it that its header names; LPS.
 
     Raises :class:`EndoctError` where it does not say where its voxels lie, and for what is no volume.
@@ -75,12 +75,11 @@ def read_metaimage(path: Path) -> StoredVolume:
             file.seek(start if local else 0)
             skip = 0 if local else before
             voxels = read_voxels(file, data_path, math.prod(sizes), dtype, "zlib" if packed else "raw", skip)
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels.reshape(sizes[::-1]),
         origin_mm=origin,
         steps_mm=steps,
         coordinates="lps",
-        placed=True,
         kind="MetaImage",
         files=(path,) if local else (path, data_path),
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one, named_file, read_voxels
+from endoct.modalities.ct.stored import AXES, Convention, CtVolume, Segment, layers_as_one, named_file, read_voxels
 
 MAGIC = re.compile(rb"NRRD000\d\r?\n")
 MOST_HEADER = 1_000_000
@@ -52,7 +52,7 @@ def is_nrrd(path: Path) -> bool:
     return MAGIC.match(read_start(path, 16)) is not None
 
 
-def read_nrrd(path: Path) -> StoredVolume:
+def read_nrrd(path: Path) -> CtVolume:
     """Return the volume in an NRRD file, or in the file next to it that its header names.
 
     Without a ``space`` that is a patient's the axes are those of coordinates that the file does not name (``placed`` is
@@ -82,7 +82,7 @@ def read_nrrd(path: Path) -> StoredVolume:
         space = str(header.get("space", "")).strip().lower()
         placed = space in SPACES
         convention, signs = SPACES.get(space, (None, (1.0, 1.0, 1.0)))
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels,
         origin_mm=scale * origin * signs,
         steps_mm=scale * steps * signs,

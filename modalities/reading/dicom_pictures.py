@@ -21,7 +21,7 @@ from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.video import STAMP_JITTER, ReadVideo
 from endoct.modalities.reading.video_container import FilePart, container_of
 
@@ -110,7 +110,7 @@ def _times(recording: DicomRecording) -> tuple[Along | None, Remarks]:
     remarks = NONE
     if rate_hz is not None and cine_hz and abs(rate_hz / cine_hz - 1) > ALIKE:
         what = f"By the header's frame times there are {rate_hz:.4g} frames a second, by its CineRate {cine_hz:.4g}."
-        remarks = Remarks(doubts=(Doubt("frame-rate-against-cine", what, value=rate_hz, unit="Hz", expected=cine_hz),))
+        remarks = doubted("frame-rate-against-cine", what, rate_hz, cine_hz, "Hz")
     times = _vector(recording)
     along = None if times is None else Along(times, "s", "the frame times of the header", within=STAMP_JITTER)
     return along, remarks

@@ -51,7 +51,7 @@ from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, intensity_of, scale_of, travelled
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 RADIUS_WITHIN = 0.02
 """The stated radius may differ from half a side by this share of it."""
@@ -254,7 +254,7 @@ def _turns(recording: DicomRecording) -> tuple[tuple[Turn, ...], Remarks]:
     if applied != "NO":
         if applied != "YES" and any(offsets):
             what = "The header has Z offsets and does not say whether they were applied; they were not."
-            remarks = Remarks(doubts=(Doubt("z-offset", what),))
+            remarks = doubted("z-offset", what)
         offsets = [0] * len(offsets)
     places = [as_number(value) for value in recording.each(CONTENT, "SeamLineLocation")]
     sense = -1 if recording.text("CatheterDirectionOfRotation") == "CC" else 1

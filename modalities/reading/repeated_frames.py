@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular, sha256_of
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 _BLOCK = 4096
 _PARTS = 2
@@ -98,7 +97,7 @@ def on_repeated(prints: Mapping[int, bytes], read: Callable[[int], NDArray[Any]]
         f"{count} frame{'s hold' if count > 1 else ' holds'} the very samples of another (counted from 0: {listed}): "
         "a recording that stood still, or frames written twice in place of lost ones."
     )
-    return Remarks(doubts=(Doubt("frames-repeated", what, value=float(count), unit="1", expected=0.0),))
+    return doubted("frames-repeated", what, float(count), 0.0)
 
 
 def same_picture(image: NDArray[Any], other: NDArray[Any]) -> bool:
