@@ -169,7 +169,7 @@ def _read(path: Path) -> CtVolume:
         files=tuple(file.path for file in files),
         tilted=grid.tilted,
         notes=(*notes, *grid.notes, *on_padding),
-        doubts=(*_doubts(slices, name), *_of_rescale(slices, name), *grid.doubts, *doubts),
+        doubts=(*_doubts(slices, name), *grid.doubts, *doubts),
     )
 
 
@@ -214,15 +214,6 @@ def _of_padding(padded: Counter[float], name: str) -> tuple[tuple[str, ...], lis
     return (note,), []
 
 
-def _of_rescale(slices: Sequence[Slice], name: str) -> list[Doubt]:
-    usual, _ = Counter((slice_.slope, slice_.intercept) for slice_ in slices).most_common(1)[0]
-    other = [slice_ for slice_ in slices if (slice_.slope, slice_.intercept) != usual]
-    if not other:
-        return []
-    said = f"{len(other)} slices of {name} are scaled in another way than the others, as {other[0].name}: as each says."
-    return [Doubt("ct-rescale-varies", said, value=float(len(other)), unit="slices", expected=0.0)]
-
-
 def _doubts(slices: Sequence[Slice], name: str) -> list[Doubt]:
     doubts = list(dict.fromkeys(doubt for slice_ in slices for doubt in slice_.file.doubts))
     file = slices[0].file
@@ -238,4 +229,8 @@ def _doubts(slices: Sequence[Slice], name: str) -> list[Doubt]:
         doubts.append(Doubt("ct-no-rescale", f"{name} does not say how its numbers become Hounsfield units."))
     if file.text("LossyImageCompression") == "01" or (coded is not None and coded.lossy):
         doubts.append(Doubt("ct-lossy", f"{name} was compressed with losses: thin walls may be gone."))
+    usual, _ = Counter((slice_.slope, slice_.intercept) for slice_ in slices).most_common(1)[0]
+    if other := [slice_.name for slice_ in slices if (slice_.slope, slice_.intercept) != usual]:
+        said = f"{len(other)} slices of {name} are scaled in another way than the others, as {other[0]}: as each says."
+        doubts.append(Doubt("ct-rescale-varies", said, value=float(len(other)), unit="slices", expected=0.0))
     return doubts

@@ -28,6 +28,9 @@ EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
 """A voxel may lie this far from where its file says."""
 AXES = 3
+UNITS_MM = {"mm": 1.0, "millimeter": 1.0, "cm": 10.0, "m": 1000.0, "meter": 1000.0} | dict.fromkeys(
+    ("um", "µm", "μm", "micron", "micrometer"), 1e-3
+)
 MOST_SHEAR = 1e-3
 """Two axes of voxels with a cosine up to this count as at right angles."""
 BLOCK_BYTES = 1 << 20

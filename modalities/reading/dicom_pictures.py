@@ -7,7 +7,6 @@ uncompressed YBR two pixels may share their colours; frames have one time (Frame
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,14 +48,13 @@ class _ReadPictures:
         return as_seen(read(number), read)
 
 
-def _claims(path: Path) -> bool:
-    return kind_of(path).is_pictures
-
-
 def _open(files: Files) -> Frames:
     with opened_recording(files, KEYWORDS) as recording:
         times, on_times = _times(recording)
-        remarks = recording.remarks + on_times + _on_annotation(recording)
+        remarks = recording.remarks + on_times
+        if recording.text("BurnedInAnnotation") == "YES":
+            note = "The header says that texts are burnt into the pictures; they may identify the patient."
+            remarks += Remarks(notes=(note,))
         if any(image.read is None for image in recording.images):
             return _video(recording.images, remarks)
         read = _ReadPictures(tuple((image.read, index) for image, index in recording.frames if image.read is not None))
@@ -126,11 +124,4 @@ def _rate(recording: DicomRecording) -> float | None:
     return cine_hz if cine_hz is not None and cine_hz > 0 else None
 
 
-def _on_annotation(recording: DicomRecording) -> Remarks:
-    if recording.text("BurnedInAnnotation") != "YES":
-        return NONE
-    note = "The header says that texts are burnt into the pictures; they may identify the patient."
-    return Remarks(notes=(note,))
-
-
-PICTURES = Format("DICOM of an endoscope", _claims, _open, _states, joins=True)
+PICTURES = Format("DICOM of an endoscope", lambda path: kind_of(path).is_pictures, _open, _states, joins=True)

@@ -6,7 +6,6 @@ is refused. What names leave open is doubted.
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +25,7 @@ from endoct.modalities.reading.frame_names import (
 )
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted, some_names
-from endoct.modalities.reading.repeated_frames import sets_of_equal
+from endoct.modalities.reading.repeated_frames import sets_of_equal, size_of
 
 COMPARED, COMPARED_BYTES = 16, 400_000_000
 """Where a folder has images twice, the pixels of this many pairs are compared; of all, if they have no more bytes
@@ -116,7 +115,7 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     if not twins:
         suffixes = Counter(name.path.suffix.lower() for name in names)
         return list(names), _on_suffixes(suffixes)
-    some = len(twins) if sum(map(_size, (name for each in twins for name in each))) <= COMPARED_BYTES else COMPARED
+    some = len(twins) if sum(size_of(name.path) for each in twins for name in each) <= COMPARED_BYTES else COMPARED
     for k in sorted({int(at) for at in np.linspace(0, len(twins) - 1, some)}):
         first, *others = twins[k]
         for other in others:
@@ -138,12 +137,6 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     note = f"Images of the same places, with the same pixels, were left out: {listed}."
     remaining = [name for name in names if name.path in kept]
     return remaining, Remarks(notes=(note,)) + _on_suffixes(Counter(name.path.suffix.lower() for name in remaining))
-
-
-def _size(name: Name) -> int:
-    with suppress(OSError):
-        return name.path.stat().st_size
-    return 0
 
 
 def _on_suffixes(suffixes: Counter[str]) -> Remarks:

@@ -26,7 +26,7 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.tiff import is_tiff, read_tiff
+from endoct.modalities.reading.tiff import of_first_page, read_tiff
 from endoct.modalities.reading.tiff_directory import MOST_PAGES, pages
 
 DESCRIPTION = 270
@@ -38,13 +38,7 @@ PLAIN = "export it as a plain TIFF, one page a frame"
 
 
 def _claims(path: Path) -> bool:
-    if not is_tiff(path):
-        return False
-    try:
-        with open_regular(path) as file:
-            return "<OME" in next(pages(path, file)).text(file, DESCRIPTION, LOOKED_AT)
-    except (EndoctError, OSError, ValueError):
-        return False
+    return "<OME" in (of_first_page(path, lambda page, file: page.text(file, DESCRIPTION, LOOKED_AT)) or "")
 
 
 def _open(files: Files) -> Frames:

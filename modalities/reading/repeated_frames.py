@@ -34,7 +34,7 @@ def sets_of_equal(files: Sequence[Path]) -> list[list[Path]]:
 
     Of most files nothing but the size is read. What cannot be read is equal to nothing.
     """
-    by_size = _grouped((size, file) for file in files if (size := _size(file)))
+    by_size = _grouped((size, file) for file in files if (size := size_of(file)))
     by_parts = [_grouped((_parts(file), file) for file in group) for group in by_size.values() if len(group) > 1]
     alike = [group for groups in by_parts for parts, group in groups.items() if parts and len(group) > 1]
     by_content = [_grouped((_digest(file), file) for file in group) for group in alike]
@@ -48,7 +48,8 @@ def _grouped(pairs: Iterable[tuple[Hashable, Path]]) -> dict[Hashable, list[Path
     return groups
 
 
-def _size(file: Path) -> int:
+def size_of(file: Path) -> int:
+    """Return how many bytes a file has, 0 where that cannot be known."""
     with suppress(OSError, ValueError):
         return file.stat().st_size
     return 0
