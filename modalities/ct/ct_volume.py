@@ -9,15 +9,12 @@ process, and any file that a header names is opened.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
 from endoct.modalities.ct.dicom import read_dicom
@@ -27,62 +24,22 @@ from endoct.modalities.ct.label_names import OUR_NAMES, OUR_TABLE, read_label_na
 from endoct.modalities.ct.metaimage import is_metaimage, read_metaimage
 from endoct.modalities.ct.nifti import is_nifti, is_our_label_map, read_nifti
 from endoct.modalities.ct.nrrd import is_nrrd, read_nrrd
-from endoct.modalities.ct.stored import EXPECTED, SIGNS, SUFFIXES, Convention, Segment, StoredVolume, segments_of
+from endoct.modalities.ct.stored import EXPECTED, SIGNS, SUFFIXES, Convention, Segment, segments_of
+from endoct.modalities.ct.stored import CtVolume as CtVolume
 from endoct.modalities.ct.trajectory import Point, Trajectory, as_point
 from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
 
 MOST_LABELS = 64
 LABEL_SIGMA_VOXELS = 0.6
 """A segmentation is blurred by this: it takes its steps, and leaves septa of one voxel."""
-MOST_SHEAR = 1e-3
-"""Two axes of voxels with a cosine up to this count as at right angles."""
 VOXELS_MM = (0.001, 20.0)
 """Voxels of a patient, or of a bone in a micro-CT, have sizes between these; anything else is another unit."""
-_FORMATS: tuple[tuple[Callable[[Path], bool], Callable[[Path], StoredVolume]], ...] = (
+_FORMATS: tuple[tuple[Callable[[Path], bool], Callable[[Path], CtVolume]], ...] = (
     (is_nrrd, read_nrrd),
     (is_dicom, read_dicom),
     (is_nifti, read_nifti),
     (is_metaimage, read_metaimage),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class CtVolume:
-    """Voxels (k, j, i) of any number type; voxel [k, j, i] lies at ``origin_mm`` + (k, j, i) · ``steps_mm``, LPS.
-
-    Steps along i, j and k lie at right angles, except where a tilted gantry is known to have sheared the slices. Then k
-    runs askew, and every voxel still lies where that says.
-
-    Attributes
-    ----------
-    coordinates: what x, y and z mean in that file, or None where it does not say.
-    kind: the format it has, in words.
-    files: all that were read.
-    segments: its labels by name; None where these have none.
-    notes, doubts: what was mended, and what speaks against it.
-    """
-
-    voxels: NDArray[Any]
-    origin_mm: Coordinates
-    steps_mm: Coordinates
-    coordinates: Convention | None
-    kind: str = ""
-    files: tuple[Path, ...] = ()
-    segments: tuple[Segment, ...] | None = None
-    notes: tuple[str, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
-
-    @property
-    def is_sheared(self) -> bool:
-        """Whether its slices lie askew, as a tilted gantry has them."""
-        return _shear(self.steps_mm) > MOST_SHEAR
-
-    @property
-    def to_lps(self) -> Coordinates:
-        """The matrix (4, 4) that takes an index (k, j, i, 1) to its place, LPS, mm."""
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = np.asarray(self.steps_mm).T, self.origin_mm
-        return matrix
 
 
 def is_volume(path: Path) -> bool:
@@ -119,9 +76,9 @@ def read_ct(path: Path, stated: Convention | None = None) -> CtVolume:
         elif is_our_label_map(path):
             segments = segments_of(OUR_NAMES)
     doubts = hounsfield_doubts(stored.voxels, path.name or str(path)) if low < LEAST_HU else ()
-    return CtVolume(
-        stored.voxels, origin, steps, stored.coordinates, stored.kind, files, segments, stored.notes,
-        (*stored.doubts, *doubts),
+    return replace(
+        stored, origin_mm=origin, steps_mm=steps, placed=True, files=files, segments=segments,
+        doubts=(*stored.doubts, *doubts),
     )  # fmt: skip
 
 
@@ -253,7 +210,7 @@ def _check_names_bone(segments: Sequence[Segment], name: str) -> None:
         )
 
 
-def _read_file(path: Path) -> StoredVolume:
+def _read_file(path: Path) -> CtVolume:
     with open_regular(path):  # a pipe, or what may not be read, is said before anything else is
         pass
     for is_format, read in _FORMATS:
@@ -265,7 +222,7 @@ def _read_file(path: Path) -> StoredVolume:
     raise EndoctError(f"{path} is no volume", found=path.suffix or "no suffix", expected=EXPECTED)
 
 
-def _check_geometry(stored: StoredVolume, path: Path) -> None:
+def _check_geometry(stored: CtVolume, path: Path) -> None:
     """Refuse voxels without a size or a place, of an impossible size, and axes that are not at right angles."""
     sizes = np.linalg.norm(stored.steps_mm, axis=1)
     whole = np.all(np.isfinite(stored.steps_mm)) and np.all(np.isfinite(stored.origin_mm))
@@ -281,19 +238,12 @@ def _check_geometry(stored: StoredVolume, path: Path) -> None:
             expected=f"{VOXELS_MM[0]:g} to {VOXELS_MM[1]:g} mm",
             remedy="check its unit of length",
         )
-    shear = _shear(stored.steps_mm)
-    if shear > MOST_SHEAR and not stored.tilted:
+    if stored.is_sheared and not stored.tilted:
         raise EndoctError(
             f"the voxels of {path} do not lie at right angles",
-            found=f"axes with a cosine of {shear:.3g} between them",
+            found=f"axes with a cosine of {stored.shear:.3g} between them",
             remedy="resample it, as 3D Slicer's Resample Scalar Volume does",
         )
-
-
-def _shear(steps_mm: Coordinates) -> float:
-    """Return the largest cosine between two axes of voxels."""
-    directions = steps_mm / np.linalg.norm(steps_mm, axis=1)[:, None]
-    return float(np.abs(directions @ directions.T - np.eye(3)).max())
 
 
 def _unsaid(name: str) -> EndoctError:

@@ -25,7 +25,7 @@ from endoct.modalities.ct.dicom_slices import (
 )
 from endoct.modalities.ct.hounsfield import LEAST_HU, MOST_HU
 from endoct.modalities.ct.slice_grid import SliceGrid, slice_grid
-from endoct.modalities.ct.stored import PLACE_MM, Segment, StoredVolume, layers_as_one
+from endoct.modalities.ct.stored import PLACE_MM, CtVolume, Segment, layers_as_one
 from endoct.modalities.dicom.dicom_file import DicomFile, reading_dicom
 from endoct.modalities.dicom.image import DicomImage, image_of
 
@@ -42,7 +42,7 @@ def is_segmentation(file: DicomFile) -> bool:
     return file.text("Modality") == "SEG" or "SegmentSequence" in file.header
 
 
-def read_segmentation(file: DicomFile) -> StoredVolume:
+def read_segmentation(file: DicomFile) -> CtVolume:
     """Return the segments of a Segmentation object; slices without a frame are empty.
 
     Raises :class:`EndoctError` for a fractional one, for segments without a name or number, and where frames do not lie
@@ -72,12 +72,11 @@ def read_segmentation(file: DicomFile) -> StoredVolume:
         else:
             parts = ((_segment_of(image, at, names), k, numbers_of(image, at) != 0) for at, k in enumerate(places))
             voxels, segments = layers_as_one(names, parts, shape, str(file.path))
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels,
         origin_mm=origin,
         steps_mm=steps,
         coordinates="lps",
-        placed=True,
         kind=f"DICOM Segmentation, {image.n_frames} frames",
         files=(file.path,),
         segments=segments,
@@ -138,7 +137,7 @@ def _placed(image: DicomImage) -> tuple[NDArray[np.intp], Coordinates, Coordinat
     return index, positions[first], steps
 
 
-def read_dicom(path: Path) -> StoredVolume:
+def read_dicom(path: Path) -> CtVolume:
     """Return the volume in a folder with one series, or in a file.
 
     Every slice lies where its header says, to 0.01 mm. Raises :class:`EndoctError` where the slices are no even
@@ -148,7 +147,7 @@ def read_dicom(path: Path) -> StoredVolume:
         return _read(path)
 
 
-def _read(path: Path) -> StoredVolume:
+def _read(path: Path) -> CtVolume:
     files, notes = dicom_files(path)
     if any(is_segmentation(file) for file in files):
         if len(files) > 1:
@@ -161,17 +160,16 @@ def _read(path: Path) -> StoredVolume:
     on_padding, doubts = _of_padding(padded, name)
     if any(file.text("PhotometricInterpretation") == "MONOCHROME1" for file in files):
         notes = (*notes, "It is meant to be displayed inverted (MONOCHROME1); its values are as stored.")
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels,
         origin_mm=grid.origin_mm,
         steps_mm=grid.steps_mm,
         coordinates="lps",
-        placed=True,
         kind=f"DICOM, {len(slices)} slices",
         files=tuple(file.path for file in files),
         tilted=grid.tilted,
         notes=(*notes, *grid.notes, *on_padding),
-        doubts=(*_doubts(slices, name), *_of_rescale(slices, name), *grid.doubts, *doubts),
+        doubts=(*_doubts(slices, name), *grid.doubts, *doubts),
     )
 
 
@@ -216,15 +214,6 @@ def _of_padding(padded: Counter[float], name: str) -> tuple[tuple[str, ...], lis
     return (note,), []
 
 
-def _of_rescale(slices: Sequence[Slice], name: str) -> list[Doubt]:
-    usual, _ = Counter((slice_.slope, slice_.intercept) for slice_ in slices).most_common(1)[0]
-    other = [slice_ for slice_ in slices if (slice_.slope, slice_.intercept) != usual]
-    if not other:
-        return []
-    said = f"{len(other)} slices of {name} are scaled in another way than the others, as {other[0].name}: as each says."
-    return [Doubt("ct-rescale-varies", said, value=float(len(other)), unit="slices", expected=0.0)]
-
-
 def _doubts(slices: Sequence[Slice], name: str) -> list[Doubt]:
     doubts = list(dict.fromkeys(doubt for slice_ in slices for doubt in slice_.file.doubts))
     file = slices[0].file
@@ -240,4 +229,8 @@ def _doubts(slices: Sequence[Slice], name: str) -> list[Doubt]:
         doubts.append(Doubt("ct-no-rescale", f"{name} does not say how its numbers become Hounsfield units."))
     if file.text("LossyImageCompression") == "01" or (coded is not None and coded.lossy):
         doubts.append(Doubt("ct-lossy", f"{name} was compressed with losses: thin walls may be gone."))
+    usual, _ = Counter((slice_.slope, slice_.intercept) for slice_ in slices).most_common(1)[0]
+    if other := [slice_.name for slice_ in slices if (slice_.slope, slice_.intercept) != usual]:
+        said = f"{len(other)} slices of {name} are scaled in another way than the others, as {other[0]}: as each says."
+        doubts.append(Doubt("ct-rescale-varies", said, value=float(len(other)), unit="slices", expected=0.0))
     return doubts

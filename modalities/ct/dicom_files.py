@@ -6,7 +6,8 @@ Why not highdicom, which makes volumes too (0.28)? It takes slices for even wher
 
 import stat
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from endoct.base.errors import EndoctError
@@ -29,8 +30,8 @@ NO_DICOM_SUFFIXES = frozenset(
      ".fcsv", ".nii", ".gz", ".nrrd", ".mha", ".mhd", ".raw", ".py", ".sh")
 )  # fmt: skip
 """Files with these suffixes may lie next to slices. Any other file that is no DICOM may be a damaged slice."""
-LOOKED_AT = 50
-"""So many files of a folder are looked at before it counts as one without DICOM."""
+LOOKED_AT, MOST_BELOW = 50, 200
+"""So many files of a folder, and of those below, are looked at before it counts as one without DICOM."""
 SCOUT = "LOCALIZER"
 KEYWORDS = (
     *LAYOUT, "SpecificCharacterSet", "ImageType", "SOPInstanceUID", "SeriesDescription",
@@ -130,16 +131,9 @@ def _unreadable(path: Path, reason: str) -> EndoctError:
 
 
 def _where_else(path: Path) -> str:
-    below = path.is_dir() and any(is_dicom(entry) for entry in _some_below(path))
-    return "name the folder that holds the slices" if below else ""
-
-
-def _some_below(folder: Path, most: int = 200) -> Iterator[Path]:
-    for number, path in enumerate(folder.rglob("*")):
-        if number >= most:
-            return
-        if path.is_file():
-            yield path
+    below = islice(path.rglob("*"), MOST_BELOW) if path.is_dir() else ()
+    there = any(entry.is_file() and is_dicom(entry) for entry in below)
+    return "name the folder that holds the slices" if there else ""
 
 
 def _check_one_series(path: Path, files: Sequence[DicomFile]) -> None:

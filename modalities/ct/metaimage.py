@@ -6,6 +6,7 @@ ITK's own reader ends the process where a header states 999 dimensions, and open
 import math
 import re
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, StoredVolume, named_file, read_voxels
+from endoct.modalities.ct.stored import AXES, UNITS_MM, CtVolume, named_file, read_voxels
 
 MOST_HEADER = 64_000
 LAST_KEY = "elementdatafile"
@@ -23,7 +24,6 @@ TYPES = {
     "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8", "MET_ULONG_LONG": "u8", "MET_FLOAT": "f4",
     "MET_DOUBLE": "f8",
 }  # fmt: skip
-UNITS_MM = {"mm": 1.0, "um": 1e-3, "cm": 10.0, "m": 1000.0}
 MATRICES, ORIGINS = ("transformmatrix", "rotation", "orientation"), ("offset", "position", "origin")
 
 
@@ -33,7 +33,7 @@ def is_metaimage(path: Path) -> bool:
     return KEY.match(start) is not None and re.search(rb"(?im)^\s*(NDims|ObjectType)\s*=", start) is not None
 
 
-def read_metaimage(path: Path) -> StoredVolume:
+def read_metaimage(path: Path) -> CtVolume:
     """Return the volume in a MetaImage, or in the file next to it that its header names; LPS.
 
     Raises :class:`EndoctError` where it does not say where its voxels lie, and for what is no volume.
@@ -75,12 +75,11 @@ def read_metaimage(path: Path) -> StoredVolume:
             file.seek(start if local else 0)
             skip = 0 if local else before
             voxels = read_voxels(file, data_path, math.prod(sizes), dtype, "zlib" if packed else "raw", skip)
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels.reshape(sizes[::-1]),
         origin_mm=origin,
         steps_mm=steps,
         coordinates="lps",
-        placed=True,
         kind="MetaImage",
         files=(path,) if local else (path, data_path),
     )
@@ -88,27 +87,21 @@ def read_metaimage(path: Path) -> StoredVolume:
 
 def _header(path: Path) -> tuple[dict[str, str], int]:
     """Return the values of a header by key in lower case, and how many bytes it has."""
-    data = read_start(path, MOST_HEADER)
+    lines = BytesIO(read_start(path, MOST_HEADER))
     header: dict[str, str] = {}
-    at = 0
     while LAST_KEY not in header:
-        end = data.find(b"\n", at)
-        line = data[at : end if end >= 0 else len(data)]
+        line = lines.readline()
         key, equals, value = line.decode("utf-8", "replace").partition("=")
         key = key.strip().lower()
         if not equals or not key or key in header:
+            said = f"'{key[:40]}' twice" if key in header else f"the line '{line[:40].decode('ascii', 'replace')}'"
             raise EndoctError(
                 f"{path} cannot be read",
-                found=f"'{key[:40]}' twice" if key in header else f"the line '{line[:40].decode('ascii', 'replace')}'",
+                found=said if line else "a header without ElementDataFile",
                 expected="lines 'key = value' up to ElementDataFile",
             )
         header[key] = value.strip()
-        at = end + 1
-        if end < 0 and LAST_KEY not in header:
-            raise EndoctError(f"{path} cannot be read", found="a header without ElementDataFile")
-        if end < 0:
-            at = len(data)
-    return header, at
+    return header, lines.tell()
 
 
 def _place(header: Mapping[str, str], path: Path) -> tuple[Coordinates, Coordinates]:

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, PLACE_MM, StoredVolume, read_voxels
+from endoct.modalities.ct.stored import AXES, PLACE_MM, CtVolume, read_voxels
 
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
@@ -38,7 +38,7 @@ def is_nifti(path: Path) -> bool:
     return _kind(_start(path)) is not None
 
 
-def read_nifti(path: Path) -> StoredVolume:
+def read_nifti(path: Path) -> CtVolume:
     """Return the volume in a NIfTI-1 or -2 file, LPS.
 
     With neither qform nor sform the voxels lie along the axes of coordinates that the file does not name, from 0 on
@@ -64,7 +64,7 @@ def read_nifti(path: Path) -> StoredVolume:
         voxels = _scaled(header, stored)
     signs = np.diag([-1.0, -1.0, 1.0]) if placed else np.eye(3)
     columns = signs @ to_ras[:3, :3]
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels,
         origin_mm=signs @ to_ras[:3, 3],
         steps_mm=columns.T[::-1].copy(),

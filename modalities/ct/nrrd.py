@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, Convention, Segment, StoredVolume, layers_as_one, named_file, read_voxels
+from endoct.modalities.ct.stored import (
+    AXES,
+    UNITS_MM,
+    Convention,
+    CtVolume,
+    Segment,
+    layers_as_one,
+    named_file,
+    read_voxels,
+)
 
 MAGIC = re.compile(rb"NRRD000\d\r?\n")
 MOST_HEADER = 1_000_000
@@ -26,11 +35,6 @@ SPACES: Mapping[str, tuple[Convention | None, tuple[float, float, float]]] = {
     "las": (None, (1.0, -1.0, 1.0)),
 }
 """A space is one of these conventions. Its x, y and z times the numbers are those of LPS."""
-UNITS_MM = {
-    "": 1.0, "mm": 1.0, "millimeter": 1.0, "millimeters": 1.0, "millimetre": 1.0, "cm": 10.0, "m": 1000.0,
-    "meter": 1000.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3,
-    "micrometers": 1e-3,
-}  # fmt: skip
 TYPES = {
     name: dtype
     for dtype, names in {
@@ -52,7 +56,7 @@ def is_nrrd(path: Path) -> bool:
     return MAGIC.match(read_start(path, 16)) is not None
 
 
-def read_nrrd(path: Path) -> StoredVolume:
+def read_nrrd(path: Path) -> CtVolume:
     """Return the volume in an NRRD file, or in the file next to it that its header names.
 
     Without a ``space`` that is a patient's the axes are those of coordinates that the file does not name (``placed`` is
@@ -82,7 +86,7 @@ def read_nrrd(path: Path) -> StoredVolume:
         space = str(header.get("space", "")).strip().lower()
         placed = space in SPACES
         convention, signs = SPACES.get(space, (None, (1.0, 1.0, 1.0)))
-    return StoredVolume(
+    return CtVolume(
         voxels=voxels,
         origin_mm=scale * origin * signs,
         steps_mm=scale * steps * signs,
@@ -133,8 +137,6 @@ def _stored(
         if endian not in ("little", "big"):
             raise EndoctError(f"{path} does not say in which order its bytes are", expected="endian: little or big")
         dtype = dtype.newbyteorder("<" if endian == "little" else ">")
-    if min(sizes) < 1:
-        raise EndoctError(f"{path} is no volume", found=" × ".join(map(str, sizes)))
     check_array_size(sizes, dtype.itemsize, str(path))
     line_skip, byte_skip = (int(_field(header, f"{unit} skip") or 0) for unit in ("line", "byte"))
     if not (0 <= line_skip <= 10_000 and -1 <= byte_skip <= MOST_HEADER):
@@ -180,11 +182,12 @@ def _origin(header: Mapping[str, Any], path: Path) -> Coordinates:
 def _unit_mm(header: Mapping[str, Any], path: Path) -> float:
     stated = {str(unit).strip().lower() for unit in header.get("space units") or [""]}
     unit = stated.pop()
-    if stated or unit not in UNITS_MM:
+    one = unit.removesuffix("s").replace("metre", "meter") or "mm"
+    if stated or one not in UNITS_MM:
         raise EndoctError(
             f"{path} has a unit of length that is not known", found=f"space units {unit!r}"[:60], expected="mm, um or m"
         )
-    return UNITS_MM[unit]
+    return UNITS_MM[one]
 
 
 def _as_volume(

@@ -28,6 +28,11 @@ EXPECTED = f"a file {', '.join(SUFFIXES)}, or a folder with one DICOM series"
 PLACE_MM = 0.01
 """A voxel may lie this far from where its file says."""
 AXES = 3
+UNITS_MM = {"mm": 1.0, "millimeter": 1.0, "cm": 10.0, "m": 1000.0, "meter": 1000.0} | dict.fromkeys(
+    ("um", "µm", "μm", "micron", "micrometer"), 1e-3
+)
+MOST_SHEAR = 1e-3
+"""Two axes of voxels with a cosine up to this count as at right angles."""
 BLOCK_BYTES = 1 << 20
 MEMBERS = b"\x1f\x8b", b"BZh"
 """Streams of gzip and bzip2 begin so, of which several may lie one behind the other."""
@@ -43,32 +48,52 @@ class Segment:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredVolume:
-    """Voxels (k, j, i) of any number type; voxel [k, j, i] lies at ``origin_mm`` + (k, j, i) · ``steps_mm``.
+class CtVolume:
+    """Voxels (k, j, i) of any number type; voxel [k, j, i] lies at ``origin_mm`` + (k, j, i) · ``steps_mm``, LPS.
+
+    Steps along i, j and k lie at right angles, except where a tilted gantry is known to have sheared the slices. Then k
+    runs askew, and every voxel still lies where that says.
 
     Attributes
     ----------
-    coordinates: what x, y and z mean in the file's own numbers; None where it does not say.
-    placed: whether ``origin_mm`` and ``steps_mm`` are LPS. Else they are along the axes of coordinates that the file
-        does not name.
+    coordinates: what x, y and z mean in that file, or None where it does not say.
     kind: the format, and of what it is made ("DICOM, 30 slices").
     files: all that were read.
-    tilted: whether its slices are known to lie askew, as a tilted gantry has them.
-    segments: the labels it names; None where it names none.
+    segments: its labels by name; None where these have none.
     notes, doubts: what was mended, and what speaks against it.
+    placed: False as long as places are along the axes of coordinates that the file does not name.
+    tilted: whether its slices are known to lie askew.
     """
 
     voxels: NDArray[Any]
     origin_mm: Coordinates
     steps_mm: Coordinates
     coordinates: Convention | None
-    placed: bool
-    kind: str
-    files: tuple[Path, ...]
-    tilted: bool = False
+    kind: str = ""
+    files: tuple[Path, ...] = ()
     segments: tuple[Segment, ...] | None = None
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    placed: bool = True
+    tilted: bool = False
+
+    @property
+    def shear(self) -> float:
+        """The largest cosine between two axes of voxels."""
+        directions = self.steps_mm / np.linalg.norm(self.steps_mm, axis=1)[:, None]
+        return float(np.abs(directions @ directions.T - np.eye(3)).max())
+
+    @property
+    def is_sheared(self) -> bool:
+        """Whether its slices lie askew, as a tilted gantry has them."""
+        return self.shear > MOST_SHEAR
+
+    @property
+    def to_lps(self) -> Coordinates:
+        """The matrix (4, 4) that takes an index (k, j, i, 1) to its place, LPS, mm."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = np.asarray(self.steps_mm).T, self.origin_mm
+        return matrix
 
 
 def layers_as_one(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular
 from endoct.base.files.npy import read_header
-from endoct.modalities.reading.format import Files, Format, Frames
+from endoct.modalities.reading.format import Format, Frames
 
 
 class ReadBlocks:
@@ -63,8 +63,4 @@ def read_npy(path: Path) -> tuple[int, ReadBlocks]:
     return frames[0], ReadBlocks(path, offset, dtype, frames[1:])
 
 
-def _open_npy(files: Files) -> Frames:
-    return Frames(*read_npy(files[0]))
-
-
-NPY = Format(".npy", lambda path: path.suffix.lower() == ".npy", _open_npy)
+NPY = Format(".npy", lambda path: path.suffix.lower() == ".npy", lambda files: Frames(*read_npy(files[0])))

@@ -7,7 +7,6 @@ uncompressed YBR two pixels may share their colours; frames have one time (Frame
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.video import STAMP_JITTER, ReadVideo
 from endoct.modalities.reading.video_container import FilePart, container_of
 
@@ -49,14 +48,13 @@ class _ReadPictures:
         return as_seen(read(number), read)
 
 
-def _claims(path: Path) -> bool:
-    return kind_of(path).is_pictures
-
-
 def _open(files: Files) -> Frames:
     with opened_recording(files, KEYWORDS) as recording:
         times, on_times = _times(recording)
-        remarks = recording.remarks + on_times + _on_annotation(recording)
+        remarks = recording.remarks + on_times
+        if recording.text("BurnedInAnnotation") == "YES":
+            note = "The header says that texts are burnt into the pictures; they may identify the patient."
+            remarks += Remarks(notes=(note,))
         if any(image.read is None for image in recording.images):
             return _video(recording.images, remarks)
         read = _ReadPictures(tuple((image.read, index) for image, index in recording.frames if image.read is not None))
@@ -110,7 +108,7 @@ def _times(recording: DicomRecording) -> tuple[Along | None, Remarks]:
     remarks = NONE
     if rate_hz is not None and cine_hz and abs(rate_hz / cine_hz - 1) > ALIKE:
         what = f"By the header's frame times there are {rate_hz:.4g} frames a second, by its CineRate {cine_hz:.4g}."
-        remarks = Remarks(doubts=(Doubt("frame-rate-against-cine", what, value=rate_hz, unit="Hz", expected=cine_hz),))
+        remarks = doubted("frame-rate-against-cine", what, rate_hz, cine_hz, "Hz")
     times = _vector(recording)
     along = None if times is None else Along(times, "s", "the frame times of the header", within=STAMP_JITTER)
     return along, remarks
@@ -126,11 +124,4 @@ def _rate(recording: DicomRecording) -> float | None:
     return cine_hz if cine_hz is not None and cine_hz > 0 else None
 
 
-def _on_annotation(recording: DicomRecording) -> Remarks:
-    if recording.text("BurnedInAnnotation") != "YES":
-        return NONE
-    note = "The header says that texts are burnt into the pictures; they may identify the patient."
-    return Remarks(notes=(note,))
-
-
-PICTURES = Format("DICOM of an endoscope", _claims, _open, _states, joins=True)
+PICTURES = Format("DICOM of an endoscope", lambda path: kind_of(path).is_pictures, _open, _states, joins=True)

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.dicom.dicom_file import check_parts, reading_dicom
 from endoct.modalities.dicom.image import DicomImage, open_image
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks, some_names
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted, some_names
 
 if TYPE_CHECKING:
     from pydicom import Dataset
@@ -125,7 +124,7 @@ def _on_order(images: tuple[DicomImage, ...]) -> Remarks:
                 f"By their instance numbers the slices lie in another order than by their {name}: {against} steps "
                 "lead back. The instance numbers were trusted."
             )
-            return Remarks(doubts=(Doubt("frames-order", what, value=float(against), unit="1", expected=0.0),))
+            return doubted("frames-order", what, float(against), 0.0)
     return NONE
 
 

@@ -6,14 +6,12 @@ is refused. What names leave open is doubted.
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.frame_names import (
     LONGEST_NUMBER,
@@ -26,8 +24,8 @@ from endoct.modalities.reading.frame_names import (
     varying,
 )
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks, some_names
-from endoct.modalities.reading.repeated_frames import sets_of_equal
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted, some_names
+from endoct.modalities.reading.repeated_frames import sets_of_equal, size_of
 
 COMPARED, COMPARED_BYTES = 16, 400_000_000
 """Where a folder has images twice, the pixels of this many pairs are compared; of all, if they have no more bytes
@@ -62,7 +60,7 @@ def choose_frames(folder: Path, files: Sequence[Path], alike: Alike) -> FrameFil
     if len(names) < 2:
         return FrameFiles(tuple(name.path for name in names), None, remarks)
     if unclear:
-        remarks += _doubted(
+        remarks += doubted(
             "names-unclear",
             f"Numbers in names can be read with decimals or without, in different orders; {_run(names)} was taken.",
         )
@@ -78,7 +76,7 @@ def choose_frames(folder: Path, files: Sequence[Path], alike: Alike) -> FrameFil
         remarks += _on_signs(names, field)
     elif field is not None and spacing_in(names, field).kind != "even":
         what = f"Numbers in names are too long to count frames, and uneven; frames were placed evenly: {_run(names)}."
-        remarks += _doubted("frames-uneven", what)
+        remarks += doubted("frames-uneven", what)
     return FrameFiles(tuple(name.path for name in names), along, remarks)
 
 
@@ -104,7 +102,7 @@ def _without_copies(names: Sequence[Name]) -> tuple[list[Name], Remarks]:
         remarks += Remarks(notes=(f"Copies of other images, byte for byte, were left out: {listed}.",))
     if repeated:
         what = f"Images with different numbers are the same, byte for byte: {some_names(repeated)}. One may be missing."
-        remarks += _doubted("frames-repeated", what)
+        remarks += doubted("frames-repeated", what)
     return [name for name in names if name.path not in set(left_out)], remarks
 
 
@@ -117,7 +115,7 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     if not twins:
         suffixes = Counter(name.path.suffix.lower() for name in names)
         return list(names), _on_suffixes(suffixes)
-    some = len(twins) if sum(map(_size, (name for each in twins for name in each))) <= COMPARED_BYTES else COMPARED
+    some = len(twins) if sum(size_of(name.path) for each in twins for name in each) <= COMPARED_BYTES else COMPARED
     for k in sorted({int(at) for at in np.linspace(0, len(twins) - 1, some)}):
         first, *others = twins[k]
         for other in others:
@@ -141,18 +139,12 @@ def _without_twins(folder: Path, names: Sequence[Name], alike: Alike) -> tuple[l
     return remaining, Remarks(notes=(note,)) + _on_suffixes(Counter(name.path.suffix.lower() for name in remaining))
 
 
-def _size(name: Name) -> int:
-    with suppress(OSError):
-        return name.path.stat().st_size
-    return 0
-
-
 def _on_suffixes(suffixes: Counter[str]) -> Remarks:
     kinds = {{".jpeg": ".jpg", ".tiff": ".tif"}.get(suffix, suffix) for suffix in suffixes}
     if len(kinds) < 2:
         return NONE
     listed = ", ".join(f"{count} {suffix}" for suffix, count in suffixes.most_common())
-    return _doubted("frames-of-several-kinds", f"Frames are of several kinds of file: {listed}. Is it one recording?")
+    return doubted("frames-of-several-kinds", f"Frames are of several kinds of file: {listed}. Is it one recording?")
 
 
 def _of_several_forms(folder: Path, names: list[Name]) -> tuple[list[Name], int | None, Remarks]:
@@ -162,7 +154,7 @@ def _of_several_forms(folder: Path, names: list[Name]) -> tuple[list[Name], int 
     forms = Counter(name.form for name in names)
     if not any(name.numbers for name in names):
         what = f"Names have no numbers; images were taken in alphabetical order: {_run(names)}."
-        return names, None, _doubted("names-without-numbers", what)
+        return names, None, doubted("names-without-numbers", what)
     n_leading = _leading(names)
     if len({len(name.numbers) for name in names}) == 1 and len({name.numbers for name in names}) == len(names):
         n_leading = len(names[0].numbers)
@@ -177,7 +169,7 @@ def _of_several_forms(folder: Path, names: list[Name]) -> tuple[list[Name], int 
     ordered = sorted(names, key=lambda name: name.numbers[:n_leading])
     what = f"Names are of {len(forms)} forms; images were put in the order of their numbers: {_run(ordered)}."
     fields = [k for k in range(n_leading) if len({name.numbers[k] for name in ordered}) == len(ordered)]
-    return ordered, fields[-1] if fields else None, _doubted("names-of-several-forms", what)
+    return ordered, fields[-1] if fields else None, doubted("names-of-several-forms", what)
 
 
 def _browser_series(names: list[Name]) -> list[Name]:
@@ -208,11 +200,11 @@ def _counting(names: list[Name]) -> tuple[int | None, Remarks]:
     single = [k for k in fields if len({name.numbers[k] for name in names}) == len(names)]
     if not single:
         what = f"Names count several series, which were taken one behind the other: {_run(names)}."
-        return None, _doubted("names-of-several-series", what)
+        return None, doubted("names-of-several-series", what)
     rising = [k for k in single if all(a.numbers[k] < b.numbers[k] for a, b in pairwise(names))]
     if len(rising) < len(single) or not rising:
         what = f"Two numbers in names put the images in different orders; {_run(names)} was taken."
-        return rising[-1] if rising else None, _doubted("names-in-two-orders", what)
+        return rising[-1] if rising else None, doubted("names-in-two-orders", what)
     kinds = {k: spacing_in(names, k).kind for k in rising}
     stated = [k for k in rising if names[0].units[k]]
     if stated:
@@ -220,7 +212,7 @@ def _counting(names: list[Name]) -> tuple[int | None, Remarks]:
     regular = [k for k in rising if kinds[k] != "uneven"]
     if len({kinds[k] for k in regular}) > 1:
         what = f"By one number in names images are missing, by another they are not: {_run(names)}."
-        return next(k for k in regular if kinds[k] == "gaps"), _doubted("names-in-two-orders", what)
+        return next(k for k in regular if kinds[k] == "gaps"), doubted("names-in-two-orders", what)
     return (regular or rising)[-1], NONE
 
 
@@ -238,10 +230,10 @@ def _on_signs(names: Sequence[Name], field: int) -> Remarks:
         what = (
             f"Places in names are all negative and were taken in ascending order: {_run(names)}. Was it the other way?"
         )
-        return _doubted("names-negative", what)
+        return doubted("names-negative", what)
     if seems_negative(names, field):
         what = f"The hyphen before the numbers in names may be a minus sign; {_run(names)} was taken."
-        return _doubted("names-negative", what)
+        return doubted("names-negative", what)
     return NONE
 
 
@@ -251,7 +243,3 @@ def _run(names: Sequence[Name]) -> str:
 
 def _example(names: Sequence[Name], form: str) -> str:
     return next(name.path.name for name in names if name.form == form)[:60]
-
-
-def _doubted(code: str, sentence: str) -> Remarks:
-    return Remarks(doubts=(Doubt(code, sentence),))

@@ -1,4 +1,4 @@
-"""A single PNG, JPEG or BMP, its size checked in its header before it is decoded."""
+"""Images of a file each, TIFF among them: of a PNG, JPEG or BMP the size is checked before it is decoded."""
 
 import io
 import logging
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular
 from endoct.modalities.dicom.decoding import check_scans
-from endoct.modalities.reading.orientation import UPRIGHT, orientation_in_exif, upright
+from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, orientation_in_exif, upright
+from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.tiff import is_tiff, read_tiff
 
 # What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
 logging.getLogger("imagecodecs").addHandler(logging.NullHandler())
@@ -29,7 +31,52 @@ _PNG, _JPEG, _BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 _PICTURE = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
 
 
-def read_image(path: Path) -> tuple[NDArray[Any], int, float]:
+class ReadImages:
+    """Reads one file a frame, all of them stored in the same orientation.
+
+    ``remarks`` and ``pixel_aspect`` are those of the first of them, once it was read.
+    """
+
+    def __init__(self, files: tuple[Path, ...]) -> None:
+        self.files = files
+        self._orientation = UPRIGHT
+        self.remarks, self.pixel_aspect = NONE, 1.0
+
+    def __call__(self, index: int) -> NDArray[Any]:
+        """Return one image, upright."""
+        frame, orientation, pixel_aspect, remarks = read_single(self.files[index])
+        if not index:
+            self._orientation, self.pixel_aspect, self.remarks = orientation, pixel_aspect, remarks
+        if orientation != self._orientation:
+            raise EndoctError(
+                f"{self.files[index]} is stored in another orientation than the first image",
+                found=f"orientation {orientation}",
+                expected=f"{self._orientation}, as {self.files[0].name} has",
+                remedy="save all images upright, without that tag",
+            )
+        return frame
+
+
+def read_single(path: Path) -> tuple[NDArray[Any], int, float, Remarks]:
+    """Return the image in a file that holds one, its orientation, the aspect of its pixels, and what is to be said.
+
+    Raises :class:`EndoctError` where it holds several, or none.
+    """
+    if not is_tiff(path):
+        image, orientation, pixel_aspect = _read_image(path)
+        return image, orientation, pixel_aspect, on_orientation(orientation)
+    n_pages, read = read_tiff(path)
+    if n_pages > 1:
+        raise EndoctError(
+            f"{path} is one of several images of a recording",
+            found=f"{n_pages} pages",
+            expected="1",
+            remedy="keep each recording in a folder of its own",
+        )
+    return read(0), read.layout.orientation, read.pixel_aspect, read.remarks
+
+
+def _read_image(path: Path) -> tuple[NDArray[Any], int, float]:
     """Return the image in a file, upright, the orientation in which it is stored, and the aspect of a pixel as stored.
 
     u8 or u16, (row, column) or (row, column, channel): RGB, or grey or RGB with transparency last. Raises

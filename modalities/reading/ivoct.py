@@ -51,7 +51,7 @@ from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.ivoct_header import ALIKE, CONTENT, KEYWORDS, intensity_of, scale_of, travelled
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 RADIUS_WITHIN = 0.02
 """The stated radius may differ from half a side by this share of it."""
@@ -80,14 +80,8 @@ class Disc:
     @property
     def keys(self) -> dict[str, Any]:
         """Keys of a sidecar that it states."""
-        axial_mm = self.pixel_mm * self.index
-        return {
-            "axial_pixel_mm": axial_mm,
-            "medium_index": self.index,
-            "handedness": "same",
-            "theta_origin_rad": 0.0,
-            "first_sample_mm": 0.0,
-        }
+        lengths = {"axial_pixel_mm": self.pixel_mm * self.index, "medium_index": self.index, "first_sample_mm": 0.0}
+        return lengths | {"handedness": "same", "theta_origin_rad": 0.0}
 
 
 def disc_of(recording: DicomRecording) -> Disc | None:
@@ -164,18 +158,9 @@ class ReadTurns:
 
 def _shifted(ascans: NDArray[Any], shift: int) -> NDArray[Any]:
     """Return A-scans moved outward by ``shift`` samples, inward where it is negative, 0 where nothing was recorded."""
-    if not shift:
-        return ascans
-    moved = np.zeros_like(ascans)
-    if shift > 0:
-        moved[:, shift:] = ascans[:, :-shift]
-    else:
-        moved[:, :shift] = ascans[:, -shift:]
+    moved, n = np.zeros_like(ascans), ascans.shape[1]
+    moved[:, max(shift, 0) : n + min(shift, 0)] = ascans[:, max(-shift, 0) : n - max(shift, 0)]
     return moved
-
-
-def _claims(path: Path) -> bool:
-    return kind_of(path).is_catheter
 
 
 def _open(files: Files) -> Frames:
@@ -254,7 +239,7 @@ def _turns(recording: DicomRecording) -> tuple[tuple[Turn, ...], Remarks]:
     if applied != "NO":
         if applied != "YES" and any(offsets):
             what = "The header has Z offsets and does not say whether they were applied; they were not."
-            remarks = Remarks(doubts=(Doubt("z-offset", what),))
+            remarks = doubted("z-offset", what)
         offsets = [0] * len(offsets)
     places = [as_number(value) for value in recording.each(CONTENT, "SeamLineLocation")]
     sense = -1 if recording.text("CatheterDirectionOfRotation") == "CC" else 1
@@ -310,4 +295,4 @@ def _on_turns(recording: DicomRecording, turns: tuple[Turn, ...], n_ascans: int)
     return Remarks(tuple(notes), tuple(doubts))
 
 
-IVOCT = Format("DICOM of a turning catheter", _claims, _open, _states, joins=True)
+IVOCT = Format("DICOM of a turning catheter", lambda path: kind_of(path).is_catheter, _open, _states, joins=True)

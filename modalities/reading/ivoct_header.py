@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
-from endoct.base.doubt import Doubt
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 if TYPE_CHECKING:
     from pydicom import Dataset
@@ -100,7 +99,7 @@ def _by_distance(steps: Coordinates, by_speed_mm: float | None) -> tuple[dict[st
         if not steps.any():
             return {}, None, NONE
         what = "The header's longitudinal distances lead to and fro; they were not used."
-        return {}, None, Remarks(doubts=(Doubt("frames-uneven", what),))
+        return {}, None, doubted("frames-uneven", what)
     sizes = np.abs(steps)
     pitch = float(np.median(sizes))
     keys = {"pullback_pitch_mm": pitch, "travel": "out" if steps[0] > 0 else "in"}
@@ -110,7 +109,7 @@ def _by_distance(steps: Coordinates, by_speed_mm: float | None) -> tuple[dict[st
             f"By the header's longitudinal distances frames lie {pitch:.4g} mm apart, by the speed of its pullback "
             f"{by_speed_mm:.4g} mm; the distances were used."
         )
-        remarks = Remarks(doubts=(Doubt("pitch-against-speed", what, value=pitch, unit="mm", expected=by_speed_mm),))
+        remarks = doubted("pitch-against-speed", what, pitch, by_speed_mm, "mm")
     if (np.abs(sizes / pitch - 1) <= EVEN).all():
         return keys, None, remarks
     places = np.concatenate([[0.0], np.cumsum(sizes)])
@@ -140,7 +139,7 @@ def scale_of(recording: DicomRecording) -> Said:
                 f"index, and it says otherwise: depth may be {other / in_air:.3f} times what was taken. If so, state "
                 f"axial_pixel_mm = {other:.6g}."
             )
-            remarks = Remarks(doubts=(Doubt("index-applied", what, value=in_air, unit="mm", expected=other),))
+            remarks = doubted("index-applied", what, in_air, other, "mm")
     return Said({"axial_pixel_mm": in_air} | keys, remarks)
 
 

@@ -13,12 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.errors import EndoctError
-from endoct.base.files.files import open_regular
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.remarks import Remarks
-from endoct.modalities.reading.tiff import is_tiff, read_tiff
-from endoct.modalities.reading.tiff_directory import pages
+from endoct.modalities.reading.tiff import of_first_page, read_tiff
+from endoct.modalities.reading.tiff_directory import Page
 
 SUFFIX = ".oct"
 
@@ -42,14 +40,8 @@ class _ReadTurned:
 
 
 def _claims(path: Path) -> bool:
-    if path.suffix.lower() != SUFFIX or not is_tiff(path):
-        return False
-    try:
-        with open_regular(path) as file:
-            layout = next(pages(path, file)).layout(file)
-    except (EndoctError, OSError, ValueError):
-        return False
-    return len(layout.shape) == 2 and layout.dtype == np.uint16
+    layout = of_first_page(path, Page.layout) if path.suffix.lower() == SUFFIX else None
+    return layout is not None and len(layout.shape) == 2 and layout.dtype == np.uint16
 
 
 def _open(files: Files) -> Frames:

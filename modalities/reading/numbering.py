@@ -7,8 +7,7 @@ from typing import Literal
 import numpy as np
 
 from endoct.base.arrays import Coordinates
-from endoct.base.doubt import Doubt
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 LEAST_REGULAR = 0.8
 """Where this share of the steps is equal, that is the usual step; else it is the median."""
@@ -117,13 +116,21 @@ def positions_along(
         and usual > 0
         and abs(usual / pitch_mm - 1) > OTHER_PITCH
     ):
-        remarks += Remarks(doubts=(_other_pitch(along, usual, pitch_mm),))
+        what = (
+            f"By {along.by}, read as mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were "
+            "placed by the sidecar."
+        )
+        remarks += doubted("names-against-pitch", what, usual, pitch_mm, "mm")
     if along.unit == "s" and rate_hz is not None and abs(usual * rate_hz - 1) <= OTHER_RATE:
         usual = 1 / rate_hz
     if spacing.kind == "even":
         return None, remarks
     if spacing.kind == "uneven" and (not np.all(np.diff(along.values) > 0) or along.unit == ""):
-        return None, remarks + Remarks(doubts=(_uneven(along),))
+        what = (
+            f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where "
+            "places are known, state positions_mm."
+        )
+        return None, remarks + doubted("frames-uneven", what)
     if spacing.kind == "uneven" and along.unit == "mm":
         note = f"Frames lie at uneven places in mm by {along.by}, and were placed so."
         return _from_first(along.values, 1.0), remarks + Remarks(notes=(note,))
@@ -133,10 +140,19 @@ def positions_along(
             note = f"Frames were not taken at an even rate; they were placed by {along.by}."
             remarks += Remarks(notes=(note,))
         else:
-            remarks += Remarks(doubts=(_uneven_times(along),))
+            what = (
+                f"By {along.by} frames were not taken at even steps. They were placed by time, as if the instrument "
+                "moved evenly; where it did not, state positions_mm."
+            )
+            remarks += doubted("frames-uneven", what)
         return _from_first(along.values, pitch_mm / usual), remarks
     if spacing.places[-1] + 1 > MOST_MISSING * len(spacing.places):
-        remarks += Remarks(doubts=(_mostly_missing(along, spacing.places),))
+        n_places, n = float(spacing.places[-1] + 1), len(spacing.places)
+        what = (
+            f"By {along.by} {n_places - n:.0f} frames are missing between {n}: the count may have begun anew, and the "
+            "order be another."
+        )
+        remarks += doubted("frames-mostly-missing", what, n_places, n)
     return _from_first(spacing.places, pitch_mm), remarks
 
 
@@ -157,35 +173,3 @@ def notes_on_gaps(positions_mm: Sequence[float] | None) -> tuple[str, ...]:
 
 def _from_first(values: Coordinates, scale: float) -> Positions:
     return tuple(float(value) for value in (values - values[0]) * scale)
-
-
-def _other_pitch(along: Along, usual: float, pitch_mm: float) -> Doubt:
-    what = (
-        f"By {along.by}, read as mm, frames lie {usual:g} mm apart, by the sidecar {pitch_mm:g} mm; they were placed "
-        "by the sidecar."
-    )
-    return Doubt("names-against-pitch", what, value=usual, unit="mm", expected=pitch_mm)
-
-
-def _mostly_missing(along: Along, places: Coordinates) -> Doubt:
-    what = (
-        f"By {along.by} {int(places[-1]) + 1 - len(places)} frames are missing between {len(places)}: the count may "
-        "have begun anew, and the order be another."
-    )
-    return Doubt("frames-mostly-missing", what, value=float(places[-1] + 1), unit="1", expected=float(len(places)))
-
-
-def _uneven(along: Along) -> Doubt:
-    what = (
-        f"By {along.by} frames do not lie at even steps, nor at multiples of one; they were placed evenly. Where "
-        "places are known, state positions_mm."
-    )
-    return Doubt("frames-uneven", what)
-
-
-def _uneven_times(along: Along) -> Doubt:
-    what = (
-        f"By {along.by} frames were not taken at even steps. They were placed by time, as if the instrument moved "
-        "evenly; where it did not, state positions_mm."
-    )
-    return Doubt("frames-uneven", what)

@@ -19,15 +19,14 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
 from endoct.base.files.xml_tree import MOST_BYTES, local_name, read_xml
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
-from endoct.modalities.reading.remarks import NONE, Remarks
-from endoct.modalities.reading.tiff import is_tiff, read_tiff
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
+from endoct.modalities.reading.tiff import of_first_page, read_tiff
 from endoct.modalities.reading.tiff_directory import MOST_PAGES, pages
 
 DESCRIPTION = 270
@@ -39,13 +38,7 @@ PLAIN = "export it as a plain TIFF, one page a frame"
 
 
 def _claims(path: Path) -> bool:
-    if not is_tiff(path):
-        return False
-    try:
-        with open_regular(path) as file:
-            return "<OME" in next(pages(path, file)).text(file, DESCRIPTION, LOOKED_AT)
-    except (EndoctError, OSError, ValueError):
-        return False
+    return "<OME" in (of_first_page(path, lambda page, file: page.text(file, DESCRIPTION, LOOKED_AT)) or "")
 
 
 def _open(files: Files) -> Frames:
@@ -129,7 +122,7 @@ def _planes(path: Path, root: Element, pixels: Element, n_pages: int) -> tuple[t
     if frames != "C" or n_frames == 1:
         return tuple(planes), NONE
     what = f"The OME-XML calls the {n_frames} planes channels, not places or times; they were taken for frames."
-    return tuple(planes), Remarks(doubts=(Doubt("frames-as-channels", what, value=float(n_frames), unit="1"),))
+    return tuple(planes), doubted("frames-as-channels", what, float(n_frames))
 
 
 def _along(pixels: Element, n_frames: int) -> tuple[Along | None, Remarks]:
@@ -149,7 +142,7 @@ def _along(pixels: Element, n_frames: int) -> tuple[Along | None, Remarks]:
             continue
         if len(told) < n_frames or not all(map(math.isfinite, told)):
             what = f"The OME-XML states {name} of {len(told)} of {n_frames} frames; all were placed evenly."
-            return None, Remarks(doubts=(Doubt("frames-uneven", what),))
+            return None, doubted("frames-uneven", what)
         assumed = "s" if name == "DeltaT" else ""
         stated = {plane.get(f"{name}Unit", assumed) for plane in in_order if plane is not None}
         factor = units.get(stated.pop()) if len(stated) == 1 else None

@@ -15,18 +15,17 @@ from endoct.modalities.reading.dicom_pictures import PICTURES
 from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.frame_names import read_names
-from endoct.modalities.reading.images import read_image
+from endoct.modalities.reading.images import ReadImages, read_single
 from endoct.modalities.reading.ivoct import IVOCT
 from endoct.modalities.reading.lightlab import LIGHTLAB
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.ome_tiff import OME_TIFF
 from endoct.modalities.reading.ome_zarr import OME_ZARR
-from endoct.modalities.reading.orientation import UPRIGHT, on_orientation
 from endoct.modalities.reading.other_formats import kind_not_read
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.reading.repeated_frames import fingerprint, on_repeated, same_picture, without_colour
 from endoct.modalities.reading.thorlabs import THORLABS
-from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES, is_tiff, read_tiff
+from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES
 from endoct.modalities.reading.video import VIDEO
 
 FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR)
@@ -171,7 +170,7 @@ def open_stack(path: Path) -> ImageStack:
         return _open_folder(path)
     if (kind := kind_not_read(path)) is not None:
         raise kind.refusal(path)
-    return ImageStack(path, 1, _ReadImages((path,)))
+    return ImageStack(path, 1, ReadImages((path,)))
 
 
 def stated_by(path: Path) -> Stated:
@@ -256,53 +255,9 @@ def _images(folder: Path) -> list[Path]:
     return [file for file in entries(folder) if file.suffix.lower() in IMAGE_SUFFIXES]
 
 
-class _ReadImages:
-    """Reads one file a frame, all of them stored in the same orientation.
-
-    ``remarks`` and ``pixel_aspect`` are those of the first of them, once it was read.
-    """
-
-    def __init__(self, files: tuple[Path, ...]) -> None:
-        self.files = files
-        self._orientation = UPRIGHT
-        self.remarks, self.pixel_aspect = NONE, 1.0
-
-    def __call__(self, index: int) -> NDArray[Any]:
-        frame, orientation, pixel_aspect, remarks = _read_single(self.files[index])
-        if not index:
-            self._orientation, self.pixel_aspect, self.remarks = orientation, pixel_aspect, remarks
-        if orientation != self._orientation:
-            raise EndoctError(
-                f"{self.files[index]} is stored in another orientation than the first image",
-                found=f"orientation {orientation}",
-                expected=f"{self._orientation}, as {self.files[0].name} has",
-                remedy="save all images upright, without that tag",
-            )
-        return frame
-
-
-def _read_single(path: Path) -> tuple[NDArray[Any], int, float, Remarks]:
-    """Return the image in a file that holds one, its orientation, the aspect of its pixels, and what is to be said.
-
-    Raises :class:`EndoctError` where it holds several, or none.
-    """
-    if not is_tiff(path):
-        image, orientation, pixel_aspect = read_image(path)
-        return image, orientation, pixel_aspect, on_orientation(orientation)
-    n_pages, read = read_tiff(path)
-    if n_pages > 1:
-        raise EndoctError(
-            f"{path} is one of several images of a recording",
-            found=f"{n_pages} pages",
-            expected="1",
-            remedy="keep each recording in a folder of its own",
-        )
-    return read(0), read.layout.orientation, read.pixel_aspect, read.remarks
-
-
 def _alike(file: Path, other: Path) -> bool:
     """Say whether two files hold the same pixels, grey or in three equal colours, in 8 bits or in 16."""
-    return same_picture(_read_single(file)[0], _read_single(other)[0])
+    return same_picture(read_single(file)[0], read_single(other)[0])
 
 
 def whole_recordings(folder: Path) -> list[Path]:
@@ -322,7 +277,7 @@ def _open_folder(folder: Path) -> ImageStack:
             return open_stack(chosen.files[0]).with_remarks(chosen.remarks)  # arrays next to a TIFF describe it
         if not whole:
             files = chosen.files
-            return ImageStack(folder, len(files), _ReadImages(files), along=chosen.along, remarks=chosen.remarks)
+            return ImageStack(folder, len(files), ReadImages(files), along=chosen.along, remarks=chosen.remarks)
     if not whole and not images and (refusal := refusal_of(folder)) is not None:
         raise refusal
     raise EndoctError(

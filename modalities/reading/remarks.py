@@ -24,6 +24,14 @@ NONE = Remarks()
 """There is nothing to be said."""
 
 
+def doubted(
+    code: str, sentence: str, value: float | None = None, expected: float | None = None, unit: str = "1"
+) -> Remarks:
+    """Return one doubt, with a number and what that should be."""
+    unit_of = None if value is None else unit
+    return Remarks(doubts=(Doubt(code, sentence, value=value, unit=unit_of, expected=expected),))
+
+
 def remarks_of(stream: object) -> Remarks:
     """Return the ``remarks`` of an opened recording, none where its plug-in makes none."""
     said = getattr(stream, "remarks", NONE)

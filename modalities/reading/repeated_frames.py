@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular, sha256_of
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 
 _BLOCK = 4096
 _PARTS = 2
@@ -35,7 +34,7 @@ def sets_of_equal(files: Sequence[Path]) -> list[list[Path]]:
 
     Of most files nothing but the size is read. What cannot be read is equal to nothing.
     """
-    by_size = _grouped((size, file) for file in files if (size := _size(file)))
+    by_size = _grouped((size, file) for file in files if (size := size_of(file)))
     by_parts = [_grouped((_parts(file), file) for file in group) for group in by_size.values() if len(group) > 1]
     alike = [group for groups in by_parts for parts, group in groups.items() if parts and len(group) > 1]
     by_content = [_grouped((_digest(file), file) for file in group) for group in alike]
@@ -49,7 +48,8 @@ def _grouped(pairs: Iterable[tuple[Hashable, Path]]) -> dict[Hashable, list[Path
     return groups
 
 
-def _size(file: Path) -> int:
+def size_of(file: Path) -> int:
+    """Return how many bytes a file has, 0 where that cannot be known."""
     with suppress(OSError, ValueError):
         return file.stat().st_size
     return 0
@@ -98,7 +98,7 @@ def on_repeated(prints: Mapping[int, bytes], read: Callable[[int], NDArray[Any]]
         f"{count} frame{'s hold' if count > 1 else ' holds'} the very samples of another (counted from 0: {listed}): "
         "a recording that stood still, or frames written twice in place of lost ones."
     )
-    return Remarks(doubts=(Doubt("frames-repeated", what, value=float(count), unit="1", expected=0.0),))
+    return doubted("frames-repeated", what, float(count), 0.0)
 
 
 def same_picture(image: NDArray[Any], other: NDArray[Any]) -> bool:

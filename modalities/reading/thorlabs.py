@@ -41,14 +41,13 @@ from endoct.base.files.zip_members import read_part
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.numbering import Along
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.thorlabs_file import (
     NAME,
     AScans,
     BScan,
     Container,
     alike,
-    doubted,
     is_thorlabs,
     open_container,
 )

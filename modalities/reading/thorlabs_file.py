@@ -8,11 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size, read_start, state_of
 from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_members, read_member
-from endoct.modalities.reading.remarks import NONE, Remarks
+from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header
 
 Kind = Literal["raw", "real", "complex"]
@@ -324,11 +323,6 @@ def _nothing_read(path: Path, header: Header) -> EndoctError:
 def _miscounted(path: Path, counted: int, stated: int) -> Remarks:
     what = f"{path.name} holds {counted} B-scans, its header says {stated}; all that are there were read."
     return doubted("thorlabs-count", what, counted, stated)
-
-
-def doubted(code: str, sentence: str, value: float | None = None, expected: float | None = None) -> Remarks:
-    """Return one doubt, with a count or a ratio and what that should be."""
-    return Remarks(doubts=(Doubt(code, sentence, value=value, unit=None if value is None else "1", expected=expected),))
 
 
 def alike(number: float, other: float) -> bool:

@@ -9,7 +9,7 @@ from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 import tifffile
@@ -19,7 +19,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
 from endoct.modalities.dicom.decoding import check_scans, stream_of
 from endoct.modalities.reading.arrays_on_disk import ReadBlocks
-from endoct.modalities.reading.format import Files, Format, Frames
+from endoct.modalities.reading.format import Format, Frames
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
 from endoct.modalities.reading.repeated_frames import without_colour
@@ -44,6 +44,7 @@ from endoct.modalities.reading.tiff_directory import (
 )
 
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
+T = TypeVar("T")
 MOST_DESCRIPTION = 100_000
 COPIES = 2
 """Decoding holds at most this many times the page: the page and a copy in another byte order."""
@@ -60,6 +61,15 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 def is_tiff(path: Path) -> bool:
     """Say whether the file starts as a TIFF or BigTIFF does."""
     return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+
+
+def of_first_page(path: Path, of: Callable[[Page, BinaryIO], T]) -> T | None:
+    """Return what ``of`` says of the first page of a TIFF; None for another file, and for a damaged one."""
+    try:
+        with open_regular(path) as file:
+            return of(next(pages(path, file)), file) if is_tiff(path) else None
+    except (EndoctError, OSError, ValueError):
+        return None
 
 
 def read_tiff(path: Path) -> "tuple[int, ReadTiff]":
@@ -220,15 +230,18 @@ def _check_jpeg(data: bytes, shape: tuple[int, ...], path: Path) -> None:
     check_scans(data)
 
 
+def _of_imagej(description: str) -> dict[str, str]:
+    """Return what ImageJ writes into a description, "ImageJ" among it; nothing for anybody else's."""
+    lines = re.findall(r"^(\w+)=(\S{1,40})\s*$", description, re.MULTILINE)
+    return dict(lines) if description.startswith("ImageJ=") else {}
+
+
 def _calibrated(page: Page, file: BinaryIO) -> tuple[float, ...]:
     """Return the line, (c0, c1), by which ImageJ shows the samples of a file; none where it shows them as they are.
 
     Raises :class:`EndoctError` where it shows them by a curve.
     """
-    text = page.text(file, 270, MOST_DESCRIPTION)
-    if not text.startswith("ImageJ="):
-        return ()
-    stated = dict(re.findall(r"^(cf|c0|c1)=(\S{1,40})\s*$", text, re.MULTILINE))
+    stated = _of_imagej(page.text(file, 270, MOST_DESCRIPTION))
     if stated.get("cf", _UNCALIBRATED) == _UNCALIBRATED:
         return ()
     try:
@@ -257,8 +270,8 @@ def _frames_declared(page: Page, file: BinaryIO, layout: Layout) -> int:
     samples = layout.shape[2] if len(layout.shape) > 2 else 1
     axes: list[int] = []
     images = 1
-    if text.startswith("ImageJ="):
-        declared = {key: int(value) for key, value in re.findall(r"^(\w+)=(\d{1,9})\s*$", text, re.MULTILINE)}
+    if stated := _of_imagej(text):
+        declared = {key: int(value) for key, value in stated.items() if re.fullmatch(r"\d{1,9}", value)}
         channels = declared.get("channels", 1)
         axes = [1 if channels == samples else channels, declared.get("slices", 1), declared.get("frames", 1)]
         images = declared.get("images", 1)
@@ -310,8 +323,4 @@ def _described(layout: Layout) -> str:
     return how + (f", orientation {layout.orientation}" if layout.orientation != UPRIGHT else "")
 
 
-def _open_tiff(files: Files) -> Frames:
-    return Frames(*read_tiff(files[0]))
-
-
-TIFF = Format("TIFF", is_tiff, _open_tiff)
+TIFF = Format("TIFF", is_tiff, lambda files: Frames(*read_tiff(files[0])))

@@ -10,8 +10,8 @@ from benchmarks.frame_faults.drawn import RATE_HZ
 from benchmarks.frame_faults.videos import with_edits, write_video
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
-from endoct.modalities.reading.video import index_of
 from endoct.modalities.reading.video_container import is_cut_off
+from endoct.modalities.reading.video_index import index_of
 
 N = 12
 FRAMES = np.random.default_rng(0).integers(0, 256, (N, 6, 8), dtype=np.uint8).repeat(8, axis=1).repeat(8, axis=2)
