@@ -149,7 +149,9 @@ def _image(path: Path) -> _Image:
     steps = {axis: (float(step), units[axis]) for axis, step in zip(axes, scale, strict=True)}
     several = [axis for axis in "tz" if axis in axes and array.shape[axes.index(axis)] > 1]
     frames = several[0] if several else "z"
-    return _Image(array, axes, frames, _steps(steps, frames))
+    frame_mm = in_units(*steps["z"], MM) if frames == "z" in steps else None
+    frame_s = in_units(*steps["t"], SECONDS) if frames == "t" else None
+    return _Image(array, axes, frames, Steps(in_units(*steps["y"], MM), frame_mm, frame_s))
 
 
 def _scale(of: Mapping[str, Any], n_axes: int) -> NDArray[np.float64]:
@@ -189,13 +191,6 @@ def _checked(path: Path, array: Declared, axes: tuple[str, ...], zarr_format: in
     if np.prod(n_chunks, dtype=float) > MOST_CHUNKS_A_FRAME:
         raise EndoctError(f"{path} has too many chunks", expected=f"{MOST_CHUNKS_A_FRAME} a frame at most")
     return array
-
-
-def _steps(steps: Mapping[str, tuple[float, Any]], frames: str) -> Steps:
-    row_mm = in_units(*steps["y"], MM)
-    if frames == "t":
-        return Steps(row_mm, None, in_units(*steps["t"], SECONDS))
-    return Steps(row_mm, in_units(*steps["z"], MM) if "z" in steps else None)
 
 
 OME_ZARR = Format("OME-Zarr", _claims, _open, _states, is_folder=True)
