@@ -37,11 +37,6 @@ AIR_HU = -1000
 MOST_SLICES = 20_000
 
 
-def is_segmentation(file: DicomFile) -> bool:
-    """Say whether a file is a Segmentation object."""
-    return file.text("Modality") == "SEG" or "SegmentSequence" in file.header
-
-
 def read_segmentation(file: DicomFile) -> CtVolume:
     """Return the segments of a Segmentation object; slices without a frame are empty.
 
@@ -145,7 +140,7 @@ def read_dicom(path: Path) -> CtVolume:
     """
     with reading_dicom(path):
         files, notes = dicom_files(path)
-        if any(is_segmentation(file) for file in files):
+        if any(file.text("Modality") == "SEG" or "SegmentSequence" in file.header for file in files):
             if len(files) > 1:
                 raise EndoctError(f"{path} is no volume", found=f"{len(files)} files of segmentations", expected="one")
             return read_segmentation(files[0])

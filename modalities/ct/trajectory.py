@@ -23,10 +23,7 @@ Point = tuple[float, float, float]
 LEAST_LENGTH_MM = 1.0
 NEARLY_ALONG = np.cos(np.radians(10))
 ENDS = ("entry", "target")
-_SAID = {
-    "entry": re.compile(r"entry|entrance|(?:e|ep|start|begin)$"),
-    "target": re.compile(r"target|(?:t|tp|end)$"),
-}
+_SAID = {"entry": re.compile(r"entry|entrance|(?:e|ep|start|begin)$"), "target": re.compile(r"target|(?:t|tp|end)$")}
 """A word of a label that begins so says which end of the bore its point is."""
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"

@@ -75,12 +75,11 @@ class _ReadPlanes:
                     raise EndoctError(f"{folder / name} cannot be part of a store", found="a link", remedy=DAMAGED)
                 check_chunk(array, name)
                 found += 1
-        if not found:
-            raise EndoctError(
-                f"frame {index} of {array.folder} is not there", found="none of its chunks", remedy=DAMAGED
-            )
-        at = tuple(index if axis == image.frames else slice(None) if axis in "yx" else 0 for axis in image.axes)
-        with refusing(f"frame {index} of {array.folder} cannot be read", remedy=DAMAGED):
+            if not found:
+                raise EndoctError(
+                    f"frame {index} of {array.folder} is not there", found="none of its chunks", remedy=DAMAGED
+                )
+            at = tuple(index if axis == image.frames else slice(None) if axis in "yx" else 0 for axis in image.axes)
             stored: Any = zarr.open_array(array.folder, mode="r", zarr_format=3 if array.zarr_format == 3 else 2)
             plane = np.asarray(stored[at])
         if image.axes.index("y") > image.axes.index("x"):
