@@ -40,7 +40,7 @@ def process_group(
         with suppress(OSError):  # all have ended
             os.killpg(process.pid, signal.SIGKILL) if posix else process.kill()
 
-    with undone_in_the_end(end):
+    with process, undone_in_the_end(end):  # the former closes its pipes
         try:
             with _guarded(process.pid) if posix else nullcontext():
                 yield process

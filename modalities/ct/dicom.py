@@ -37,11 +37,6 @@ AIR_HU = -1000
 MOST_SLICES = 20_000
 
 
-def is_segmentation(file: DicomFile) -> bool:
-    """Say whether a file is a Segmentation object."""
-    return file.text("Modality") == "SEG" or "SegmentSequence" in file.header
-
-
 def read_segmentation(file: DicomFile) -> CtVolume:
     """Return the segments of a Segmentation object; slices without a frame are empty.
 
@@ -144,33 +139,29 @@ def read_dicom(path: Path) -> CtVolume:
     volume, and for what cannot be read.
     """
     with reading_dicom(path):
-        return _read(path)
-
-
-def _read(path: Path) -> CtVolume:
-    files, notes = dicom_files(path)
-    if any(is_segmentation(file) for file in files):
-        if len(files) > 1:
-            raise EndoctError(f"{path} is no volume", found=f"{len(files)} files of segmentations", expected="one")
-        return read_segmentation(files[0])
-    slices = [slice_ for file in files for slice_ in slices_of(file)]
-    name = path.name or str(path)
-    grid = slice_grid(slices, str(path))
-    voxels, padded = _values(grid, path)
-    on_padding, doubts = _of_padding(padded, name)
-    if any(file.text("PhotometricInterpretation") == "MONOCHROME1" for file in files):
-        notes = (*notes, "It is meant to be displayed inverted (MONOCHROME1); its values are as stored.")
-    return CtVolume(
-        voxels=voxels,
-        origin_mm=grid.origin_mm,
-        steps_mm=grid.steps_mm,
-        coordinates="lps",
-        kind=f"DICOM, {len(slices)} slices",
-        files=tuple(file.path for file in files),
-        tilted=grid.tilted,
-        notes=(*notes, *grid.notes, *on_padding),
-        doubts=(*_doubts(slices, name), *grid.doubts, *doubts),
-    )
+        files, notes = dicom_files(path)
+        if any(file.text("Modality") == "SEG" or "SegmentSequence" in file.header for file in files):
+            if len(files) > 1:
+                raise EndoctError(f"{path} is no volume", found=f"{len(files)} files of segmentations", expected="one")
+            return read_segmentation(files[0])
+        slices = [slice_ for file in files for slice_ in slices_of(file)]
+        name = path.name or str(path)
+        grid = slice_grid(slices, str(path))
+        voxels, padded = _values(grid, path)
+        on_padding, doubts = _of_padding(padded, name)
+        if any(file.text("PhotometricInterpretation") == "MONOCHROME1" for file in files):
+            notes = (*notes, "It is meant to be displayed inverted (MONOCHROME1); its values are as stored.")
+        return CtVolume(
+            voxels=voxels,
+            origin_mm=grid.origin_mm,
+            steps_mm=grid.steps_mm,
+            coordinates="lps",
+            kind=f"DICOM, {len(slices)} slices",
+            files=tuple(file.path for file in files),
+            tilted=grid.tilted,
+            notes=(*notes, *grid.notes, *on_padding),
+            doubts=(*_doubts(slices, name), *grid.doubts, *doubts),
+        )
 
 
 def _values(grid: SliceGrid, path: Path) -> tuple[NDArray[Any], Counter[float]]:

@@ -13,15 +13,7 @@ from pathlib import Path
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import is_left_by_system, read_start
 from endoct.modalities.ct.stored import EXPECTED, odd_ones
-from endoct.modalities.dicom.dicom_file import (
-    DIRECTORY,
-    DicomFile,
-    check_parts,
-    is_dicom,
-    kind_of,
-    name_of,
-    read_file,
-)
+from endoct.modalities.dicom.dicom_file import DIRECTORY, DicomFile, check_parts, is_dicom, kind_of, name_of, read_file
 from endoct.modalities.dicom.image import LAYOUT, check_samples
 
 NO_DICOM_SUFFIXES = frozenset(

@@ -21,8 +21,6 @@ ALIKE = (
     "ReconstructionDiameter", "TemporalPositionIdentifier", "TemporalPositionIndex",
 )  # fmt: skip
 """All slices of one volume have these in common."""
-IN_BLOCKS = ("AcquisitionNumber", "ImageType", "KVP")
-"""These may change along a volume, but not to and fro."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +30,7 @@ class Slice:
     ``position_mm`` of the middle of its first voxel; ``row``, ``column``: unit vectors along which columns and rows
     count up, LPS; ``spacing_mm`` between rows and between columns; ``shape`` rows × columns. ``decimals`` that its
     position is written with. ``slope``, ``intercept``: from stored numbers to values. ``number``: its InstanceNumber.
-    ``alike``, ``in_blocks``: what it says of the volume it belongs to.
+    ``alike``: what it says of the volume it belongs to.
     """
 
     name: str
@@ -48,7 +46,6 @@ class Slice:
     intercept: float
     number: int | None
     alike: tuple[str, ...]
-    in_blocks: tuple[str, ...]
 
     @property
     def normal(self) -> Coordinates:
@@ -58,8 +55,7 @@ class Slice:
     @property
     def corners_mm(self) -> Coordinates:
         """The middles of its four corner voxels, (4, 3)."""
-        last_j, last_i = self.shape[0] - 1, self.shape[1] - 1
-        index = np.array([[0, 0], [0, last_i], [last_j, 0], [last_j, last_i]]) * self.spacing_mm
+        index = np.array(list(np.ndindex(2, 2))) * np.subtract(self.shape, 1) * self.spacing_mm
         return np.asarray(self.position_mm + index @ np.stack([self.column, self.row]))
 
 
@@ -134,7 +130,6 @@ def _slice(file: DicomImage, frame: int) -> Slice:
         intercept=intercept,
         number=None if number is None else int(number),
         alike=tuple(f"{thickness or 0:g}" if key == "SliceThickness" else file.text(key) for key in ALIKE),
-        in_blocks=tuple(file.text(key) for key in IN_BLOCKS),
     )
 
 

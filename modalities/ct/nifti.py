@@ -120,19 +120,19 @@ def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coord
     notes = [] if unit else ["It does not say its unit of length: taken for mm."]
     scale = np.diag([*[UNITS_MM.get(unit, 1.0)] * 3, 1.0])
     steps = np.abs(np.array(header["pixdim"][1:4], dtype=np.float64))
-    sform = scale @ _form(header, "sform", path) if int(header["sform_code"]) > 0 else None
-    needs_steps = sform is None or int(header["qform_code"]) > 0
-    if needs_steps and not (np.all(np.isfinite(steps)) and np.all(steps > 0)):
+    coded = [form for form in ("sform", "qform") if int(header[f"{form}_code"]) > 0]
+    if coded != ["sform"] and not (np.all(np.isfinite(steps)) and np.all(steps > 0)):
         raise EndoctError(f"{path} does not say how far its voxels lie apart", found=f"pixdim {steps.tolist()}")
     header["pixdim"][:4] = [-1.0 if float(header["pixdim"][0]) == -1 else 1.0, *steps]  # nibabel takes nothing else
-    qform = scale @ _form(header, "qform", path) if int(header["qform_code"]) > 0 else None
-    corners = np.array(np.meshgrid(*[(0, n - 1) for n in shape])).reshape(3, -1)
-    homogeneous = np.vstack([corners, np.ones(corners.shape[1])])
-    chosen = sform if sform is not None else qform
-    if chosen is None:
+    forms = [np.asarray(getattr(header, f"get_{form}")(), np.float64) for form in coded]
+    if not np.isfinite(forms).all():
+        found = f"{' or '.join(coded)} with numbers that are none"
+        raise EndoctError(f"{path} does not say where its voxels lie", found=found)
+    if not forms:
         return scale @ np.diag([*steps, 1.0]), False, notes, []
-    if sform is None or qform is None:
-        lengths = np.linalg.norm(chosen[:3, :3], axis=0)
+    chosen, *others = (scale @ form for form in forms)
+    lengths = np.linalg.norm(chosen[:3, :3], axis=0)
+    if not others:
         stated = scale[0, 0] * steps
         if np.all(stated > 0) and np.abs(lengths - stated).max() > 0.01 * stated.min():
             found = ", ".join(f"{own:.4g} and {size:.4g}" for own, size in zip(lengths, stated, strict=True))
@@ -143,8 +143,9 @@ def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coord
                 remedy="resample it, or save it anew",
             )
         return chosen, True, notes, []
-    apart = float(np.linalg.norm((sform - qform)[:3] @ homogeneous, axis=0).max())
-    if not apart <= APART_VOXELS * float(np.linalg.norm(chosen[:3, :3], axis=0).min()):
+    corners = np.array([[*np.multiply(corner, np.subtract(shape, 1)), 1.0] for corner in np.ndindex(2, 2, 2)]).T
+    apart = float(np.linalg.norm((chosen - others[0])[:3] @ corners, axis=0).max())
+    if not apart <= APART_VOXELS * float(lengths.min()):
         raise EndoctError(
             f"{path} does not say where its voxels lie",
             found=f"sform and qform {apart:.3g} mm apart, or sheared",
@@ -155,13 +156,6 @@ def _affine(header: Any, shape: tuple[int, int, int], path: Path) -> tuple[Coord
         return chosen, True, notes, []
     said = f"The sform and the qform of {path.name} lie {apart:.3f} mm apart: the sform was taken."
     return chosen, True, notes, [Doubt("ct-forms-apart", said, value=apart, unit="mm", expected=(0.0, PLACE_MM))]
-
-
-def _form(header: Any, form: str, path: Path) -> Coordinates:
-    matrix = np.asarray(header.get_sform() if form == "sform" else header.get_qform(), np.float64)
-    if not np.all(np.isfinite(matrix)):
-        raise EndoctError(f"{path} does not say where its voxels lie", found=f"{form} with numbers that are none")
-    return matrix
 
 
 def _voxels(path: Path, offset: int, shape: tuple[int, int, int], dtype: np.dtype[Any]) -> NDArray[Any]:

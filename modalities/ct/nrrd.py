@@ -26,12 +26,10 @@ from endoct.modalities.ct.stored import (
 MAGIC = re.compile(rb"NRRD000\d\r?\n")
 MOST_HEADER = 1_000_000
 MOST_LAYERS = 64
+WORDS = ("left-posterior-superior", "right-anterior-superior", "left-anterior-superior")
 SPACES: Mapping[str, tuple[Convention | None, tuple[float, float, float]]] = {
-    "left-posterior-superior": ("lps", (1.0, 1.0, 1.0)),
     "lps": ("lps", (1.0, 1.0, 1.0)),
-    "right-anterior-superior": ("ras", (-1.0, -1.0, 1.0)),
     "ras": ("ras", (-1.0, -1.0, 1.0)),
-    "left-anterior-superior": (None, (1.0, -1.0, 1.0)),
     "las": (None, (1.0, -1.0, 1.0)),
 }
 """A space is one of these conventions. Its x, y and z times the numbers are those of LPS."""
@@ -83,7 +81,8 @@ def read_nrrd(path: Path) -> CtVolume:
         steps = np.array([directions[axis] for axis in reversed(axes)], dtype=np.float64)
         origin = _origin(header, path)
         scale = _unit_mm(header, path)
-        space = str(header.get("space", "")).strip().lower()
+        stated = str(header.get("space", "")).strip().lower()
+        space = "".join(word[0] for word in stated.split("-")) if stated in WORDS else stated
         placed = space in SPACES
         convention, signs = SPACES.get(space, (None, (1.0, 1.0, 1.0)))
     return CtVolume(

@@ -9,7 +9,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.ct.dicom_slices import ALIKE, IN_BLOCKS, Slice
+from endoct.modalities.ct.dicom_slices import ALIKE, Slice
 from endoct.modalities.ct.stored import PLACE_MM, odd_ones
 
 FEWEST = 3
@@ -23,6 +23,8 @@ TILT_APART_DEG = 0.5
 GAP = 1.5
 """Where slices lie more than this many usual distances apart, one is missing."""
 MOST_MIXED = 4
+IN_BLOCKS = ("AcquisitionNumber", "ImageType", "KVP")
+"""These may change along a volume, but not to and fro."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,21 +116,16 @@ def _check_distances(ordered: Sequence[Slice], along: Coordinates, name: str) ->
 
 def _check_places(ordered: Sequence[Slice], origin: Coordinates, steps: Coordinates, name: str) -> Iterator[Doubt]:
     """Refuse slices with a corner off the grid; yield a doubt where the digits of positions are too few to tell."""
-    n_j, n_i = ordered[0].shape
-    corners = np.array([[j, i] for j in (0, n_j - 1) for i in (0, n_i - 1)])
-    off = np.array(
-        [
-            np.linalg.norm(slice_.corners_mm - (origin + k * steps[0] + corners @ steps[1:]), axis=1).max()
-            for k, slice_ in enumerate(ordered)
-        ]
-    )
+    corners = np.array(list(np.ndindex(2, 2))) * np.subtract(ordered[0].shape, 1)
+    even = [origin + k * steps[0] + corners @ steps[1:] for k in range(len(ordered))]
+    lies = [slice_.corners_mm for slice_ in ordered]
+    off = np.linalg.norm(np.subtract(lies, even), axis=2).max(axis=1)
     digits = max(slice_.decimals for slice_ in ordered)
     rounding = min(ROUNDED_MM, 0.5 * 10.0**-digits * float(np.sqrt(3)))
     most = float(off.max())
     if most > max(PLACE_MM, rounding):
-        found = (
-            f"{ordered[_oddest(ordered, off)].name} off the even grid of the others; slices lie up to {most:.3g} mm off"
-        )
+        odd = ordered[_oddest(ordered, off)].name
+        found = f"{odd} off the even grid of the others; slices lie up to {most:.3g} mm off"
         raise _refused(name, found, f"every slice on one grid, to {max(PLACE_MM, rounding):.2g} mm")
     if most > PLACE_MM:
         yield Doubt(
@@ -151,8 +148,8 @@ def _oddest(ordered: Sequence[Slice], off: Coordinates) -> int:
 
 def _check_one_volume(ordered: Sequence[Slice], name: str) -> None:
     """Refuse slices of two volumes that lie between each other."""
-    for at, key in enumerate(IN_BLOCKS):
-        values = [slice_.in_blocks[at] for slice_ in ordered]
+    for key in IN_BLOCKS:
+        values = [slice_.file.text(key) for slice_ in ordered]
         changes = [k for k in range(1, len(values)) if values[k] != values[k - 1]]
         if len(changes) > len(set(values)) - 1:
             k = changes[0]

@@ -5,7 +5,6 @@ Markups are read from ``.mrk.json`` or the older ``.fcsv``, and written as ``.mr
 
 import csv
 import json
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,10 +23,7 @@ Point = tuple[float, float, float]
 LEAST_LENGTH_MM = 1.0
 NEARLY_ALONG = np.cos(np.radians(10))
 ENDS = ("entry", "target")
-_SAID = {
-    "entry": re.compile(r"entry|entrance|(?:e|ep|start|begin)$"),
-    "target": re.compile(r"target|(?:t|tp|end)$"),
-}
+_SAID = {"entry": re.compile(r"entry|entrance|(?:e|ep|start|begin)$"), "target": re.compile(r"target|(?:t|tp|end)$")}
 """A word of a label that begins so says which end of the bore its point is."""
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])")
 EXPECTED = "a line of 3D Slicer, or a list of two points, saved as .mrk.json or .fcsv: first the entry, then the target"
@@ -255,12 +251,8 @@ def _unsaid(path: Path, stated: str) -> EndoctError:
 
 
 def _place(point: _Control, convention: Convention, path: Path) -> Point:
-    numbers = [value for value in point.position if isinstance(value, int | float) and not isinstance(value, bool)]
-    if (
-        len(point.position) != 3
-        or len(numbers) != 3
-        or not all(abs(value) <= FARTHEST_MM and math.isfinite(value) for value in numbers)
-    ):
+    numbers = [float(v) for v in point.position if isinstance(v, int | float) and not isinstance(v, bool)]
+    if len(point.position) != 3 or len(numbers) != 3 or not all(abs(value) <= FARTHEST_MM for value in numbers):
         raise EndoctError(f"a point in {path} has no place", expected="three numbers, mm")
-    x, y, z = (sign * float(value) for sign, value in zip(SIGNS[convention], numbers, strict=True))
+    x, y, z = (sign * value for sign, value in zip(SIGNS[convention], numbers, strict=True))
     return x, y, z

@@ -100,11 +100,6 @@ class Kind:
         """Whether it is a recording, and no volume."""
         return self.is_catheter or self.is_pictures
 
-    @property
-    def name(self) -> str:
-        """The SOP class in words, or its UID, or "" where it does not say."""
-        return name_of(self.sop_class)
-
 
 UNKNOWN = Kind("", "")
 

@@ -18,6 +18,7 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.faces import Faces
+from endoct.modalities.oct.line_remarks import notes_on_lines
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.surface.background import Background
 from endoct.modalities.oct.surface.fixed_lines import FixedLines
@@ -262,7 +263,7 @@ def notes_on_survey(faces: Faces, lines: FixedLines, acquisition: OctAcquisition
     return (
         *_on_bridging(faces),
         *_on_first_sample(faces, acquisition),
-        *_on_fixed_lines(lines),
+        *notes_on_lines(lines),
         *notes_on_gaps(acquisition.positions_mm),
     )
 
@@ -288,24 +289,3 @@ def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ..
         f"The stated first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
         f"face at {expected + difference:.3f} mm; the capillary was trusted.",
     )
-
-
-def _on_fixed_lines(lines: FixedLines) -> tuple[str, ...]:
-    claimed, undecided = np.flatnonzero(lines.excess > 0), np.flatnonzero(lines.undecided)
-    notes: tuple[str, ...] = ()
-    if claimed.size:
-        notes += (
-            f"Depth rows {_ranges(claimed)} hold fixed lines of the detector, which were taken out; a wall just there "
-            "is less certain.",
-        )
-    if undecided.size:
-        notes += (
-            f"Depth rows {_ranges(undecided)} may hold fixed lines of the detector; they are seen in too few "
-            "directions to tell, and were kept.",
-        )
-    return notes
-
-
-def _ranges(rows: NDArray[np.intp]) -> str:
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    return ", ".join(f"{run[0]}–{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs)

@@ -16,6 +16,7 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, varying
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_sizes, doubts_of_surface, doubts_of_turns
+from endoct.modalities.oct.line_remarks import doubts_of_lines
 from endoct.modalities.oct.surface.background import (
     Bridges,
     bridge_ascan,
@@ -160,7 +161,8 @@ def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:
 def settle_pullback(panorama: Panorama, calibration: OctCalibration) -> Panorama:
     """Return ``panorama`` with a helical scan's rows sheared into place, and doubts of what contradicts the sidecar."""
     panorama = _with_faint_slices(panorama, calibration)
-    of_surface = (*doubts_of_floor(calibration.background), *doubts_of_surface(panorama))
+    of_levels = (*doubts_of_floor(calibration.background), *doubts_of_lines(calibration))
+    of_surface = (*of_levels, *doubts_of_surface(panorama))
     if calibration.acquisition.scan == "helical" and panorama.grid.n_z > 1:
         panorama = _sheared(panorama, calibration)
     if panorama.depth_mm is None or not panorama.valid.any():

@@ -128,10 +128,6 @@ def _on_order(images: tuple[DicomImage, ...]) -> Remarks:
     return NONE
 
 
-def _location(header: "Dataset") -> float | None:
-    return as_number(header.get("SliceLocation"))
-
-
 def _seconds(header: "Dataset") -> float | None:
     """Return at which second of the day a file was taken."""
     for keyword in ("AcquisitionDateTime", "AcquisitionTime", "ContentTime"):
@@ -141,4 +137,7 @@ def _seconds(header: "Dataset") -> float | None:
     return None
 
 
-_PLACES: tuple[tuple[str, Callable[["Dataset"], float | None]], ...] = (("places", _location), ("times", _seconds))
+_PLACES: tuple[tuple[str, Callable[["Dataset"], float | None]], ...] = (
+    ("places", lambda header: as_number(header.get("SliceLocation"))),
+    ("times", _seconds),
+)

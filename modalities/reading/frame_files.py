@@ -159,7 +159,8 @@ def _of_several_forms(folder: Path, names: list[Name]) -> tuple[list[Name], int 
     if len({len(name.numbers) for name in names}) == 1 and len({name.numbers for name in names}) == len(names):
         n_leading = len(names[0].numbers)
     if not n_leading or len({name.numbers[:n_leading] for name in names}) < len(names):
-        listed = ", ".join(f"{_example(names, form)} ({count})" for form, count in forms.most_common(3))
+        one = {name.form: name.path.name[:60] for name in reversed(names)}
+        listed = ", ".join(f"{one[form]} ({count})" for form, count in forms.most_common(3))
         raise EndoctError(
             f"{folder} holds images of several series",
             found=listed + (f" and {len(forms) - 3} more" if len(forms) > 3 else ""),
@@ -239,7 +240,3 @@ def _on_signs(names: Sequence[Name], field: int) -> Remarks:
 
 def _run(names: Sequence[Name]) -> str:
     return f"{names[0].path.name[:60]}, {names[1].path.name[:60]}, … {names[-1].path.name[:60]}"
-
-
-def _example(names: Sequence[Name], form: str) -> str:
-    return next(name.path.name for name in names if name.form == form)[:60]

@@ -65,7 +65,10 @@ class Name:
 
 def read_names(files: Sequence[Path]) -> tuple[list[Name], bool]:
     """Return the names of ``files`` in their order, and whether another reading, as good, has another order."""
-    readings = [(reading, _sorted([_name(file, reading.pattern) for file in files])) for reading in _possible(files)]
+    readings = [
+        (reading, sorted((_name(file, reading.pattern) for file in files), key=lambda name: (name.key, name.path.name)))
+        for reading in _possible(files)
+    ]
     ranked = sorted(readings, key=lambda each: _rank(*each))
     best, names = ranked[0]
     order = [name.path for name in names]
@@ -150,10 +153,6 @@ def _seconds(clock: str) -> Number:
     except ValueError:
         return int(digits)
     return int(moment.timestamp()) + (Fraction(int(fraction), 10 ** len(fraction)) if fraction else 0)
-
-
-def _sorted(names: list[Name]) -> list[Name]:
-    return sorted(names, key=lambda name: (name.key, name.path.name))
 
 
 def _rank(reading: Reading, names: Sequence[Name]) -> tuple[int, int, int, int]:

@@ -36,16 +36,14 @@ lies: they are refused.
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
-from endoct.modalities.dicom.dicom_file import OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING, kind_of
+from endoct.modalities.dicom.dicom_file import OCT_FOR_PRESENTATION, OCT_FOR_PROCESSING, kind_of, name_of
 from endoct.modalities.dicom.image import GREY
 from endoct.modalities.dicom.samples import ReadSamples, as_seen
 from endoct.modalities.reading.dicom_recording import DicomRecording, as_number, opened_recording
@@ -185,7 +183,13 @@ def _pullback(recording: DicomRecording) -> tuple[Frames, dict[str, Any]]:
     image, sop_class = recording.images[0], recording.text("SOPClassUID")
     disc = disc_of(recording) if sop_class == OCT_FOR_PRESENTATION else None
     if disc is None and sop_class != OCT_FOR_PROCESSING:
-        raise _not_polar(image.path)
+        kind = kind_of(image.path)
+        raise EndoctError(
+            f"{image.path} holds round cross-sections, whose centre its header does not say",
+            found=f"{name_of(kind.sop_class)}, modality {kind.modality[:16]}",
+            expected="IVOCT for processing",
+            remedy="export the series for processing (polar), or make the frames polar before",
+        )
     reads = [image.read for image in recording.images if image.read is not None]
     if len(reads) < len(recording.images) or (
         disc is None and any(read.stated.photometric not in GREY for read in reads)
@@ -210,16 +214,6 @@ def _pullback(recording: DicomRecording) -> tuple[Frames, dict[str, Any]]:
     remarks += _on_turns(recording, turns[kept], n_ascans)
     read = ReadTurns(frames[kept], turns[kept], n_ascans, linear)
     return Frames(len(read.frames), read, travel.along, remarks), keys
-
-
-def _not_polar(path: Path) -> EndoctError:
-    kind = kind_of(path)
-    return EndoctError(
-        f"{path} holds round cross-sections, whose centre its header does not say",
-        found=f"{kind.name}, modality {kind.modality[:16]}",
-        expected="IVOCT for processing",
-        remedy="export the series for processing (polar), or make the frames polar before",
-    )
 
 
 def _angles(recording: DicomRecording) -> dict[str, Any]:
@@ -263,7 +257,7 @@ def _on_turns(recording: DicomRecording, turns: tuple[Turn, ...], n_ascans: int)
     """Return what was done to frames, and where the header contradicts itself about them."""
     rows = int(recording.header.Rows)
     least = min(turn.n_ascans for turn in turns)
-    notes, doubts = [], []
+    notes, remarks = [], NONE
     if least < rows:
         counts = f"{least}" if least == n_ascans else f"{least} to {n_ascans}, of which {n_ascans} were made"
         notes.append(f"Of {rows} A-scans a frame those that are padded were left out: there are {counts}.")
@@ -276,14 +270,14 @@ def _on_turns(recording: DicomRecording, turns: tuple[Turn, ...], n_ascans: int)
     rate_hz, turns_hz = recording.number("ALineRate"), recording.number("CatheterRotationalRate")
     if stated is not None and stated != rows:
         what = f"Frames have {rows} A-scans, and by the header {stated:g}."
-        doubts.append(Doubt("ascans-against-header", what, value=float(rows), unit="1", expected=stated))
+        remarks += doubted("ascans-against-header", what, rows, stated)
     if rate_hz and turns_hz and abs(n_ascans * turns_hz / rate_hz - 1) > ALIKE:
         expected = rate_hz / turns_hz
         what = (
             f"A turn has {n_ascans} A-scans, and {expected:.0f} by the header's rates: frames may hold more or less "
             "than one turn."
         )
-        doubts.append(Doubt("ascans-against-rate", what, value=float(n_ascans), unit="1", expected=expected))
+        remarks += doubted("ascans-against-rate", what, n_ascans, expected)
     places, first = recording.each(CONTENT, "SeamLineLocation"), recording.number("FirstALineLocation")
     seam = as_number(places[0])
     if seam is not None and first is not None and abs((seam - first + 180) % 360 - 180) > ONE_DEGREE:
@@ -291,8 +285,8 @@ def _on_turns(recording: DicomRecording, turns: tuple[Turn, ...], n_ascans: int)
             f"The header has the seam of the first frame at {seam:g}° and its first A-scan at {first:g}°; θ "
             "was taken to begin at the latter."
         )
-        doubts.append(Doubt("seam-against-start", what, value=seam, unit="°", expected=first))
-    return Remarks(tuple(notes), tuple(doubts))
+        remarks += doubted("seam-against-start", what, seam, first, "°")
+    return Remarks(tuple(notes)) + remarks
 
 
 IVOCT = Format("DICOM of a turning catheter", lambda path: kind_of(path).is_catheter, _open, _states, joins=True)

@@ -155,8 +155,12 @@ def _along(pixels: Element, n_frames: int) -> tuple[Along | None, Remarks]:
 
 def _pixel_aspect(pixels: Element) -> float:
     """Return how many times as wide as high a pixel is by its physical size, 1 where that is not said."""
-    x, y = (in_units(pixels.get(f"PhysicalSize{a}"), pixels.get(f"PhysicalSize{a}Unit", "µm"), MM) for a in "XY")
+    x, y = _length_mm(pixels, "X"), _length_mm(pixels, "Y")
     return x / y if x and y else 1.0
+
+
+def _length_mm(pixels: Element, axis: str) -> float | None:
+    return in_units(pixels.get(f"PhysicalSize{axis}"), pixels.get(f"PhysicalSize{axis}Unit", "µm"), MM)
 
 
 def _check_own(path: Path, root: Element, block: Element) -> None:
@@ -175,9 +179,7 @@ def _check_own(path: Path, root: Element, block: Element) -> None:
 def _steps(pixels: Element) -> Steps:
     """Return what a description states of sizes; µm and s are what has no unit."""
     along_t = int(pixels.get("SizeT", "1")) > 1
-    row_mm, frame_mm = (
-        in_units(pixels.get(f"PhysicalSize{axis}"), pixels.get(f"PhysicalSize{axis}Unit", "µm"), MM) for axis in "YZ"
-    )
+    row_mm, frame_mm = _length_mm(pixels, "Y"), _length_mm(pixels, "Z")
     frame_s = in_units(pixels.get("TimeIncrement"), pixels.get("TimeIncrementUnit", "s"), SECONDS)
     return Steps(row_mm, None if along_t else frame_mm, frame_s if along_t else None)
 

@@ -75,12 +75,11 @@ class _ReadPlanes:
                     raise EndoctError(f"{folder / name} cannot be part of a store", found="a link", remedy=DAMAGED)
                 check_chunk(array, name)
                 found += 1
-        if not found:
-            raise EndoctError(
-                f"frame {index} of {array.folder} is not there", found="none of its chunks", remedy=DAMAGED
-            )
-        at = tuple(index if axis == image.frames else slice(None) if axis in "yx" else 0 for axis in image.axes)
-        with refusing(f"frame {index} of {array.folder} cannot be read", remedy=DAMAGED):
+            if not found:
+                raise EndoctError(
+                    f"frame {index} of {array.folder} is not there", found="none of its chunks", remedy=DAMAGED
+                )
+            at = tuple(index if axis == image.frames else slice(None) if axis in "yx" else 0 for axis in image.axes)
             stored: Any = zarr.open_array(array.folder, mode="r", zarr_format=3 if array.zarr_format == 3 else 2)
             plane = np.asarray(stored[at])
         if image.axes.index("y") > image.axes.index("x"):
@@ -149,7 +148,9 @@ def _image(path: Path) -> _Image:
     steps = {axis: (float(step), units[axis]) for axis, step in zip(axes, scale, strict=True)}
     several = [axis for axis in "tz" if axis in axes and array.shape[axes.index(axis)] > 1]
     frames = several[0] if several else "z"
-    return _Image(array, axes, frames, _steps(steps, frames))
+    frame_mm = in_units(*steps["z"], MM) if frames == "z" in steps else None
+    frame_s = in_units(*steps["t"], SECONDS) if frames == "t" else None
+    return _Image(array, axes, frames, Steps(in_units(*steps["y"], MM), frame_mm, frame_s))
 
 
 def _scale(of: Mapping[str, Any], n_axes: int) -> NDArray[np.float64]:
@@ -189,13 +190,6 @@ def _checked(path: Path, array: Declared, axes: tuple[str, ...], zarr_format: in
     if np.prod(n_chunks, dtype=float) > MOST_CHUNKS_A_FRAME:
         raise EndoctError(f"{path} has too many chunks", expected=f"{MOST_CHUNKS_A_FRAME} a frame at most")
     return array
-
-
-def _steps(steps: Mapping[str, tuple[float, Any]], frames: str) -> Steps:
-    row_mm = in_units(*steps["y"], MM)
-    if frames == "t":
-        return Steps(row_mm, None, in_units(*steps["t"], SECONDS))
-    return Steps(row_mm, in_units(*steps["z"], MM) if "z" in steps else None)
 
 
 OME_ZARR = Format("OME-Zarr", _claims, _open, _states, is_folder=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import read_start
-from endoct.modalities.dicom.dicom_file import MAGIC, PREAMBLE, START_BYTES, UNKNOWN, kind_of
+from endoct.modalities.dicom.dicom_file import MAGIC, PREAMBLE, START_BYTES, UNKNOWN, kind_of, name_of
 
 _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
@@ -31,7 +31,7 @@ def kind_not_read(path: Path) -> OtherKind | None:
     """Return what a file is, by its first bytes, if that is of a known kind which is not read; else None."""
     start = read_start(path, _LOOKED_AT)
     if (kind := kind_of(path)) != UNKNOWN or start[PREAMBLE:START_BYTES] == MAGIC:
-        name = kind.name
+        name = name_of(kind.sop_class)
         return OtherKind(f"a DICOM file of {name}" if name else "a DICOM file", _EXPORT)
     for is_that, name, remedy in _KINDS:
         if is_that(start):
@@ -59,11 +59,7 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"OggS"), "an Ogg video", _VIDEO),
     (_begins(b"YUV4MPEG2"), "a raw video (Y4M)", _VIDEO),
     (_begins(b"\x06\x0e\x2b\x34\x02\x05\x01\x01"), "an MXF video", _VIDEO),
-    (
-        _begins(b"\0\0\0\1\x67", b"\0\0\0\1\x27", b"\0\0\0\1\x40\1"),
-        "a video without a container",
-        _VIDEO,
-    ),
+    (_begins(b"\0\0\0\1\x67", b"\0\0\0\1\x27", b"\0\0\0\1\x40\1"), "a video without a container", _VIDEO),
     (_begins(b"GIF87a", b"GIF89a"), "a GIF", _IMAGE),
     (lambda data: data[:4] == b"RIFF" and data[8:12] == b"WEBP", "a WebP image", _IMAGE),
     (

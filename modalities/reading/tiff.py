@@ -31,6 +31,7 @@ from endoct.modalities.reading.tiff_directory import (
     MOST_TABLE_BYTES,
     PALETTE,
     RGB,
+    STARTS,
     WHITE_IS_ZERO,
     YCBCR,
     Layout,
@@ -60,7 +61,7 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 def is_tiff(path: Path) -> bool:
     """Say whether the file starts as a TIFF or BigTIFF does."""
-    return read_start(path, 4) in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+    return read_start(path, 4) in STARTS
 
 
 def of_first_page(path: Path, of: Callable[[Page, BinaryIO], T]) -> T | None:

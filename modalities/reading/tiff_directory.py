@@ -33,7 +33,7 @@ WHITE_IS_ZERO, BLACK_IS_ZERO, RGB, PALETTE, YCBCR = 0, 1, 2, 3, 6
 _NOT_READ = {4: "a mask of transparency", 5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*", 32803: "CFA"}
 """These photometric interpretations are not read."""
 
-_START: Mapping[bytes, tuple[Order, bool]] = {
+STARTS: Mapping[bytes, tuple[Order, bool]] = {
     b"II*\0": ("<", False),
     b"MM\0*": (">", False),
     b"II+\0": ("<", True),
@@ -224,9 +224,9 @@ def page_at(path: Path, file: BinaryIO, place: int) -> Page:
 def _form(path: Path, file: BinaryIO) -> tuple[Order, bool, int]:
     """Return how numbers are written in a TIFF, whether it is a BigTIFF, and where its first directory lies."""
     start = taken(path, file, 0, 4)
-    if start not in _START:
+    if start not in STARTS:
         raise EndoctError(f"{path} is no readable TIFF", remedy="copy or export it again")
-    order, big = _START[start]
+    order, big = STARTS[start]
     return order, big, _number(path, file, 8 if big else 4, f"{order}u{8 if big else 4}")
 
 

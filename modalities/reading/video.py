@@ -3,7 +3,6 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -14,7 +13,7 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along, spacing_of
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import NONE, Remarks
-from endoct.modalities.reading.video_container import VIDEO_SUFFIXES, Source, cause_of_video, is_shortage, is_video
+from endoct.modalities.reading.video_container import VIDEO_SUFFIXES, Source, cause_of_video, container_of, is_shortage
 from endoct.modalities.reading.video_index import INTERLACED, check_order, decoded, index_of
 
 if TYPE_CHECKING:
@@ -156,10 +155,6 @@ def _open_video(files: Files) -> Frames:
     return Frames(read.n_frames, read, along)
 
 
-def _claims_video(path: Path) -> bool:
-    return is_video(path) or path.suffix.lower() in VIDEO_SUFFIXES
-
-
 def _states_of_video(files: Files) -> Stated:
     step_s = spacing_of(index_of(files[0]).times_s, within=STAMP_JITTER).usual
     if not SHORTEST_STEP_S <= step_s <= LONGEST_STEP_S:
@@ -167,4 +162,9 @@ def _states_of_video(files: Files) -> Stated:
     return Stated({"frame_rate_hz": float(f"{1 / step_s:.6g}")}, f"the time stamps of {files[0].name}")
 
 
-VIDEO = Format("video", _claims_video, _open_video, _states_of_video)
+VIDEO = Format(
+    "video",
+    lambda path: bool(container_of(path)) or path.suffix.lower() in VIDEO_SUFFIXES,
+    _open_video,
+    _states_of_video,
+)

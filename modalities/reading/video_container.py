@@ -105,11 +105,6 @@ class _Pieces(io.RawIOBase):
         return len(data)
 
 
-def is_video(path: Path) -> bool:
-    """Say whether the file starts as a Matroska, MP4, QuickTime or AVI file does."""
-    return bool(container_of(path))
-
-
 def container_of(path: Source) -> str:
     """Return what FFmpeg calls the container, by the file's first bytes; empty where it is none that is read."""
     start = start_of_source(path, 12)

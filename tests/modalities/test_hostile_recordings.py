@@ -25,7 +25,7 @@ from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading.recording import image_files, open_stack
 from endoct.modalities.reading.tiff import is_tiff
 from endoct.modalities.reading.video import ReadVideo
-from endoct.modalities.reading.video_container import is_video
+from endoct.modalities.reading.video_container import container_of
 from endoct.modalities.registry import manifest_for
 from endoct.stitching.grid import SurfaceGrid
 from tests.modalities.numbered import positions_by_number
@@ -107,7 +107,7 @@ def test_a_pipe_is_refused_at_once(name: str, tmp_path: Path) -> None:
         with pytest.raises(EndoctError):
             manifest_for(path)
     assert not is_tiff(tmp_path / name)
-    assert not is_video(tmp_path / name)
+    assert not container_of(tmp_path / name)
 
 
 def test_a_device_is_refused(tmp_path: Path) -> None:

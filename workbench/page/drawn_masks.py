@@ -184,14 +184,16 @@ def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) ->
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         clear_dead_scratch(path.parent)
+        is_new = bool(text) and not sidecar.exists()
+        if is_new:
+            with new_output(sidecar, KIND) as scratch:
+                scratch.write_bytes(text)
         try:
-            if text and not sidecar.exists():
-                with new_output(sidecar, KIND) as scratch:
-                    scratch.write_bytes(text)
             with new_output(path, KIND) as scratch:
                 scratch.write_bytes(file.getvalue())
         except BaseException:
-            sidecar.unlink(missing_ok=True)
+            if is_new and not path.exists():  # else it belongs to a mask that another window has saved meanwhile
+                sidecar.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise EndoctError(f"the mask {name} cannot be written", found=error.strerror or str(error)) from error

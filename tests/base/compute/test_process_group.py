@@ -36,9 +36,11 @@ def test_the_block_ends_the_program_and_its_children(tmp_path: Path) -> None:
 
 
 def test_what_has_ended_by_itself_has_its_own_status() -> None:
-    with process_group([sys.executable, "-c", "raise SystemExit(5)"]) as process:
+    with process_group([sys.executable, "-c", "raise SystemExit(5)"], stderr=subprocess.PIPE) as process:
         assert process.wait() == 5
     assert process.returncode == 5
+    assert process.stderr is not None
+    assert process.stderr.closed
     with pytest.raises(OSError, match="no-such"), process_group(["no-such-program"]):
         pass
 

@@ -221,5 +221,5 @@ def test_two_colours_that_were_sorted() -> None:
 def test_most_of_the_wall_is_doubted_where_a_file_changes_black_and_white() -> None:
     half = np.arange(8) < 4
     assert minority(half, "m") is half
-    with pytest.raises(EndoctError, match="62% of it white"):
-        minority(np.arange(8) < 5, "m")
+    with pytest.raises(EndoctError, match="51% of it white"):
+        minority(np.arange(100) < 51, "m")

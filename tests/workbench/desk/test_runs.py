@@ -129,13 +129,16 @@ def test_a_run_whose_process_was_killed_is_lost(tmp_path: Path, monkeypatch: pyt
     assert not queue.run(name).is_open
 
 
-def test_a_command_ends_with_its_process_and_is_under_way_until_then(queue: Queue, tmp_path: Path) -> None:
+def test_a_command_ends_with_its_process_and_is_under_way_until_then(
+    queue: Queue, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     queue.start()
     name = queue.add(["simulate", "--output=one", "--preset=quick"], tmp_path)
     until(lambda: bool(queue.run(name).stages))
     keeper = int((queue.folder / name / runs.LOCK).read_text().split()[1])
     (command,) = (one.pid for one in psutil.Process(keeper).children() if one.name() != "sh")
     os.kill(command, signal.SIGSTOP)  # it does not end before it is looked at
+    monkeypatch.setattr(runs, "STARTING_S", 0.0)  # so that the lock alone says that it is under way
     os.kill(keeper, signal.SIGKILL)
     assert has_ended(keeper)
     assert queue.run(name).state == "running"
@@ -144,6 +147,7 @@ def test_a_command_ends_with_its_process_and_is_under_way_until_then(queue: Queu
     os.kill(command, signal.SIGCONT)
     assert has_ended(command)
     until(lambda: queue.run(name).state == "lost")
+    queue.clear()
     assert [path.name for path in tmp_path.iterdir()] == ["queue"]
 
 

@@ -264,3 +264,22 @@ def test_a_save_that_was_killed_leaves_no_mask_without_its_place(folder: Path, m
     drawn_masks._write(folder, "oct", "anna_1", mask, grid)
     assert sorted(path.name for path in masks.iterdir()) == ["anna_1.png", "anna_1.toml"]
     assert tomllib.loads((masks / "anna_1.toml").read_text())["z0_mm"] == 0.5
+
+
+def test_a_mask_that_another_window_saves_meanwhile_keeps_its_place(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grid = SurfaceGrid.full_circle(4, 8, z0_mm=0.5, dz_mm=0.1, radius_mm=1.0)
+    masks = folder / "masks" / "oct"
+
+    def after_another(path: Path, kind: str) -> Any:
+        if path.suffix == ".png":
+            path.write_bytes(b"another's")
+        return real(path, kind)
+
+    real = drawn_masks.new_output
+    monkeypatch.setattr(drawn_masks, "new_output", after_another)
+    with pytest.raises(EndoctError, match="exists"):
+        drawn_masks._write(folder, "oct", "anna_1", np.eye(4, 8, dtype=bool), grid)
+    assert sorted(path.name for path in masks.iterdir()) == ["anna_1.png", "anna_1.toml"]
+    assert (masks / "anna_1.png").read_bytes() == b"another's"

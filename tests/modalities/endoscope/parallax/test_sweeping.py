@@ -99,3 +99,13 @@ def test_noise_alone_costs_the_same_at_every_depth() -> None:
     means = costs.mean(axis=(0, 1))
     assert np.ptp(means) < 0.1 * COST
     assert means.min() > 0.7 * COST
+
+
+def test_the_row_of_a_texture_is_the_nearest() -> None:
+    """Two frames see the place in their rows 2.0 and 2.6, which is the third."""
+    textures = np.full((2, 6, 2), 60, np.int8)
+    textures[0, 2] = textures[1, 3] = [50, -40]
+    textures[1, 2] = [-50, 40]
+    strip = np.linspace(-1, 1, 21), np.zeros(21)
+    costs = sweep(textures, np.array([0.0, -0.06]), 0.1, np.zeros(2), strip, np.array([[0.2]]), np.zeros(1))
+    assert costs.tolist() == [[[0]]]

@@ -73,6 +73,10 @@ def test_every_method_has_every_case_once() -> None:
     with pytest.raises(EndoctError, match="not run on every case once"):
         checked([scored("a", "mine", 0.5)], names="ab", expected="ab")
     checked([mine, other])
+    of_two = entry("a").model_copy(update={"unrolled": {"oct": "b" * 64, "endoscope": "d" * 64}})
+    check_credible(submission([mine, second], [of_two]), "mine.json", ["a"])
+    with pytest.raises(EndoctError, match="found 2 rows, 1 cases; expected 2 cases"):
+        check_credible(submission([mine, mine], [of_two]), "mine.json", ["a"])
 
 
 def test_what_is_empty_is_no_submission() -> None:
