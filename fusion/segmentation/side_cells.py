@@ -12,10 +12,10 @@ from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.by_eye import (
-    NOT_SURE,
     TOO_GRAINY,
     cells_by_eye,
     has_eye,
+    held_against,
     inputs_for,
     is_familiar,
     is_sure,
@@ -65,12 +65,8 @@ def segment_side(
     if not is_familiar(inputs):
         cells = by_rules()
         return replace(cells, of=cells.of + TOO_GRAINY)
-    by_eye = cells_by_eye(side, parameters, inputs, polarity_from)
-    if is_sure(by_eye):
-        return by_eye
-    cells = by_rules()
-    # where both answers are doubted, the eye's is the better one: floors may be bright
-    return by_eye if cells.doubts else replace(cells, of=cells.of + NOT_SURE)
+    by_eye, expected = cells_by_eye(side, parameters, inputs, polarity_from)
+    return by_eye if is_sure(by_eye, expected) else held_against(by_eye, by_rules())
 
 
 def segment(

@@ -63,8 +63,9 @@ def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float
 @pytest.mark.parametrize("sure", [True, False])
 def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     side = marked_side(0.02)
-    monkeypatch.setattr(by_eye, "LEAST_EXPECTED", 0.0 if sure else 1.1)
-    assert is_sure(by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
+    monkeypatch.setattr(by_eye, "SURE_EXPECTED", 0.0 if sure else 1.1)
+    monkeypatch.setattr(by_eye, "LEAST_SHARED", 1.1)
+    assert is_sure(*by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
     found = segment_side(side, SegmentParameters(), "dark")
     assert found.of.endswith(NOT_SURE) != sure
     assert not found.doubts
@@ -106,7 +107,18 @@ def test_a_comparison_refuses_weights_for_neither_side(tmp_path: Path) -> None:
 def test_cells_that_the_eye_is_blind_to_are_left_to_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_PROBABILITY", 1.1)
-    assert not by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters())).mask.any()
+    assert not by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))[0].mask.any()
     found = segment_side(side, SegmentParameters(), "dark")
     assert found.of.endswith(NOT_SURE)
     assert found.mask.any()
+
+
+@pytest.mark.parametrize(("least", "doubted"), [(0.0, False), (1.1, True)])
+def test_an_eye_that_expects_little_doubts_its_cells(
+    least: float, doubted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    side = marked_side(0.02)
+    monkeypatch.setattr(by_eye, "LEAST_EXPECTED", least)
+    cells, expected = by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))
+    assert [doubt.code for doubt in cells.doubts] == [by_eye.UNSURE] * doubted
+    assert all(doubt.value == expected for doubt in cells.doubts)

@@ -24,31 +24,48 @@ UNSURE_DOUBT = Doubt(UNSURE, "The eye is not sure.")
 SHARE_DOUBT = Doubt("cells-too-many", "Nearly all is cell.")
 
 
-def answer(of: str, *doubts: Doubt) -> Segmentation:
-    return Segmentation(LIGHT > 0.5, 0.5, "1", of, "dark", "given", None, doubts)
+def answer(of: str, *doubts: Doubt, least: float = 0.5) -> Segmentation:
+    """Return cells where the light is more than ``least``: 96 samples lie evenly between 0.1 and 1."""
+    return Segmentation(least < LIGHT, 0.5, "1", of, "dark", "given", None, doubts)
 
 
 @pytest.mark.parametrize(
-    ("of_eye", "of_rules", "stays"),
+    ("expected", "of_eye", "of_rules", "stays"),
     [
-        ((), (), "eye"),
-        ((), (SHARE_DOUBT,), "eye"),
-        ((SHARE_DOUBT,), (), "eye"),  # a doubt of another kind: the eye is sure
-        ((UNSURE_DOUBT,), (), "rules" + NOT_SURE),
-        ((UNSURE_DOUBT,), (SHARE_DOUBT,), "eye"),  # of two that are doubted
-        ((SHARE_DOUBT, UNSURE_DOUBT), (), "rules" + NOT_SURE),
+        (0.95, answer("eye", least=0.9), answer("rules", least=0.2), "eye"),  # nobody is asked
+        (0.95, answer("eye", SHARE_DOUBT), answer("rules"), "eye"),
+        (0.91, answer("eye", least=0.9), answer("rules", least=0.2), "eye"),
+        (0.90, answer("eye", least=0.9), answer("rules", least=0.2), "rules" + NOT_SURE),
+        (0.95, answer("eye", least=1.0), answer("rules"), "rules" + NOT_SURE),  # an eye that finds none may be blind
+        (0.60, answer("eye", UNSURE_DOUBT), answer("rules"), "eye"),
+        (0.90, answer("eye", least=0.6), answer("rules"), "eye"),  # 80 % of those by rules
+        (0.90, answer("eye", least=0.67), answer("rules"), "rules" + NOT_SURE),  # 66 %
+        (0.90, answer("eye", least=0.9), answer("rules", least=1.0), "eye"),  # there are none to find
+        (0.90, answer("eye", least=0.6), answer("rules", SHARE_DOUBT, least=0.5), "eye"),
+        (0.90, answer("eye", least=0.9), answer("rules", SHARE_DOUBT, least=0.2), "eye"),
+        (0.60, answer("eye", UNSURE_DOUBT, least=0.9), answer("rules", SHARE_DOUBT, least=0.2), "eye"),
     ],
 )
 def test_which_of_two_answers_stays(
-    of_eye: tuple[Doubt, ...], of_rules: tuple[Doubt, ...], stays: str, monkeypatch: pytest.MonkeyPatch
+    expected: float, of_eye: Segmentation, of_rules: Segmentation, stays: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(side_cells, "has_eye", lambda *_: True)
     monkeypatch.setattr(side_cells, "is_familiar", lambda _: True)
-    monkeypatch.setattr(side_cells, "cells_by_eye", lambda *_: answer("eye", *of_eye))
-    monkeypatch.setattr(side_cells, "find_cells", lambda *_: answer("rules", *of_rules))
-    found = segment_side(SIDE, SegmentParameters(), "dark")
-    assert found.of == stays
-    assert found.doubts == (of_eye if stays == "eye" else of_rules)
+    monkeypatch.setattr(side_cells, "cells_by_eye", lambda *_: (of_eye, expected))
+    monkeypatch.setattr(side_cells, "find_cells", lambda *_: of_rules)
+    cells = segment_side(SIDE, SegmentParameters(), "dark")
+    assert cells.of == stays
+    stated = of_eye if stays == "eye" else of_rules
+    assert cells.mask is stated.mask
+    codes = [doubt.code for doubt in cells.doubts]
+    if "cells-by-eye-alone" in codes:
+        both = (of_eye.mask & of_rules.mask).sum() / (of_eye.mask | of_rules.mask).sum()
+        assert both < 0.5
+        assert cells.doubts[-1].value == pytest.approx(both)
+        codes.remove("cells-by-eye-alone")
+    else:
+        assert of_rules.mask.sum() < 2 * of_eye.mask.sum() or expected > 0.9 or not of_rules.doubts
+    assert codes == [doubt.code for doubt in stated.doubts]
 
 
 @pytest.mark.parametrize(("has_eye", "familiar", "of"), [(False, True, "rules"), (True, False, "rules" + TOO_GRAINY)])

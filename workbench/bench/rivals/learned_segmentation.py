@@ -50,7 +50,7 @@ def learned_eye(panorama: Panorama) -> Mask:
     if panorama.depth_mm is not None or not has_eye(side, SegmentParameters()):
         raise Declined("no eye was trained for such panoramas")
     parameters = SegmentParameters()
-    return cells_by_eye(side, parameters, inputs_for(side, parameters)).mask
+    return cells_by_eye(side, parameters, inputs_for(side, parameters))[0].mask
 
 
 @cache
