@@ -7,8 +7,9 @@ import pytest
 
 from endoct.base.doubt import Doubt
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.line_remarks import doubts_of_lines
+from endoct.modalities.oct.line_remarks import doubts_of_lines, notes_on_lines
 from endoct.modalities.oct.plugin import OCT
+from endoct.modalities.oct.surface.fixed_lines import FixedLines
 from tests.modalities.oct.phantom import BORE_MM, PIXEL_MM, Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
@@ -27,8 +28,8 @@ def hiding(surveyed: OctCalibration, first: int, n_rows: int, *, offset_mm: floa
 def centred(surveyed: OctCalibration, offset_mm: float) -> OctCalibration:
     capillary = replace(
         surveyed.capillary,
-        x_mm=np.full(N, offset_mm),
-        y_mm=np.zeros(N),
+        x_mm=np.zeros(N),
+        y_mm=np.full(N, offset_mm),
         axis_depth_mm=np.full(N, WALL * PIXEL_MM - BORE_MM),
     )
     return replace(surveyed, faces=replace(surveyed.faces, capillary=capillary, bridged=np.zeros(N, np.bool_)))
@@ -73,6 +74,23 @@ def test_bridged_slices_say_nothing_of_the_wall_under_lines(surveyed: OctCalibra
     assert [doubt.value for doubt in doubts_of_lines(one_of_ten)] == [pytest.approx(0.1)]
     for bridged in (np.arange(N) < 1, np.ones(N, np.bool_)):
         assert doubts_of_lines(replace(one_of_ten, faces=replace(faces, bridged=bridged))) == ()
+
+
+def test_a_wall_deeper_than_the_recording_lies_under_no_line(surveyed: OctCalibration) -> None:
+    calibration = centred(surveyed, 0.0)
+    excess = np.zeros(surveyed.n_depth, np.float32)
+    excess[-11:] = surveyed.background.contrast
+    deep = replace(calibration.capillary, axis_depth_mm=np.full(N, (surveyed.n_depth + 5) * PIXEL_MM - BORE_MM))
+    background = replace(surveyed.background, line_excess=excess)
+    beyond = replace(calibration, background=background, faces=replace(calibration.faces, capillary=deep))
+    assert doubts_of_lines(beyond) == ()
+
+
+def test_every_line_that_is_taken_out_is_noted() -> None:
+    excess = np.array([0, 0.5, 0.5, 0, 2], np.float32)
+    taken, kept = notes_on_lines(FixedLines(excess, np.array([1, 0, 0, 1, 0], np.bool_)))
+    assert taken.startswith("Depth rows 1–2, 4 hold")
+    assert kept.startswith("Depth rows 0, 3 may hold")
 
 
 def test_a_pullback_is_doubted_for_its_lines_as_it_is_settled(unrolled: UnrollPhantom) -> None:
