@@ -17,6 +17,8 @@ UNSEEN = 255
 """Every depth costs this in a block that fewer than two frames see."""
 Costs = NDArray[np.uint8]
 """What depths cost, by block along z, block around, and depth."""
+BETWEEN = 16
+"""Textures are interpolated in so many steps from row to row: sums of squares of 500 frames then fit 32 bits."""
 PLACES_A_ROW = 0.5
 """Where rays pass the wall is tabulated at every second row of the textures."""
 
@@ -79,6 +81,7 @@ def _fill(
     total, squares = np.empty(n_columns, np.int32), np.empty(n_columns, np.int32)
     count = np.empty(n_columns, np.int32)
     chosen, rows = np.empty(frame_z_mm.size, np.int64), np.empty(frame_z_mm.size, np.int64)
+    beyond = np.empty(frame_z_mm.size, np.int32)
     for i in range(costs.shape[0]):
         for d in range(costs.shape[2]):
             apart[:] = 0
@@ -93,20 +96,20 @@ def _fill(
                     passed = places[d, before] + (place - before) * (places[d, before + 1] - places[d, before])
                     row = (frame_z_mm[k] + passed - first_mm[k]) / row_mm
                     if row >= 0 and row <= textures.shape[1] - 1:  # not NaN
-                        chosen[n], rows[n] = k, int(row + 0.5)
+                        chosen[n], rows[n] = k, min(int(row), textures.shape[1] - 2)
+                        beyond[n] = int(BETWEEN * (row - rows[n]) + 0.5)
                         n += 1
                 if n < 2:
                     continue
                 total[:] = 0
                 squares[:] = 0
                 count[:] = n
-                for m in range(0, n - 1, 2):
-                    _add_two(textures[chosen[m], rows[m]], textures[chosen[m + 1], rows[m + 1]], total, squares)
-                if n % 2 == 1:
-                    _add_one(textures[chosen[n - 1], rows[n - 1]], total, squares)
                 for m in range(n):
-                    if holes[chosen[m], rows[m]]:
-                        _leave_out(textures[chosen[m], rows[m]], count)
+                    above, below = textures[chosen[m], rows[m]], textures[chosen[m], rows[m] + 1]
+                    if holes[chosen[m], rows[m]] or holes[chosen[m], rows[m] + 1]:
+                        _add_known(above, below, beyond[m], total, squares, count)
+                    else:
+                        _add(above, below, beyond[m], total, squares)
                 _judge(total, squares, count, apart, whole)
             for b in range(costs.shape[1]):
                 differ, all_of_it = apart[2 * b] + apart[2 * b + 1], whole[2 * b] + whole[2 * b + 1]
@@ -115,27 +118,37 @@ def _fill(
 
 
 @compiled
-def _add_two(
-    row: NDArray[np.int8], other: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]
+def _add(
+    above: NDArray[np.int8],
+    below: NDArray[np.int8],
+    beyond: int,
+    total: NDArray[np.int32],
+    squares: NDArray[np.int32],
 ) -> None:
+    """Add what lies ``beyond`` of ``BETWEEN`` steps from one row to the next, ``BETWEEN`` times, and its square."""
     for j in range(total.size):
-        x, y = np.int32(row[j]), np.int32(other[j])
-        total[j] += x + y
-        squares[j] += x * x + y * y
+        value = np.int32(above[j]) * np.int32(BETWEEN - beyond) + np.int32(below[j]) * np.int32(beyond)
+        total[j] += value
+        squares[j] += value * value
 
 
 @compiled
-def _add_one(row: NDArray[np.int8], total: NDArray[np.int32], squares: NDArray[np.int32]) -> None:
+def _add_known(
+    above: NDArray[np.int8],
+    below: NDArray[np.int8],
+    beyond: int,
+    total: NDArray[np.int32],
+    squares: NDArray[np.int32],
+    count: NDArray[np.int32],
+) -> None:
+    """Add the same where both rows are known, and count where they are not."""
     for j in range(total.size):
-        x = np.int32(row[j])
-        total[j] += x
-        squares[j] += x * x
-
-
-@compiled
-def _leave_out(row: NDArray[np.int8], count: NDArray[np.int32]) -> None:
-    for j in range(count.size):
-        count[j] -= np.int32(row[j] == UNKNOWN)
+        if above[j] == UNKNOWN or below[j] == UNKNOWN:
+            count[j] -= 1
+        else:
+            value = np.int32(above[j]) * np.int32(BETWEEN - beyond) + np.int32(below[j]) * np.int32(beyond)
+            total[j] += value
+            squares[j] += value * value
 
 
 @compiled
