@@ -17,7 +17,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
 from endoct.fusion.segmentation.learned.looking import (
-    LOOK_MM,
+    LOOKS_MM,
     TRAINED_MM,
     Probability,
     inputs_of,
@@ -58,7 +58,7 @@ def weights() -> Path:
 
 
 def seen_by(weights: Path, evidence: Evidence, depth: ParallaxRelief | None) -> Probability:
-    return look(weights, evidence, depth, inputs_of(evidence, depth, LOOK_MM))
+    return look(weights, evidence, depth, inputs_of(evidence, depth, LOOKS_MM[0]))
 
 
 def jaccard(one: Mask, other: Mask) -> float:
@@ -204,7 +204,7 @@ def answer_along(
     image = np.repeat(values[:, None], 24, axis=1).astype(np.float32)
     z_mm = STEP_MM * np.arange(len(values))
     evidence = Evidence(image, np.ones(image.shape, np.bool_), z_mm, STEP_MM, 0.0, 0.06, "darkness")
-    return look(Path("by hand"), evidence, None, inputs_of(evidence, None, LOOK_MM)).of_cell
+    return look(Path("by hand"), evidence, None, inputs_of(evidence, None, LOOKS_MM[0])).of_cell
 
 
 RISE = np.linspace(0.05, 0.95, 500)

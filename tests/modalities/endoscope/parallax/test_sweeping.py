@@ -101,11 +101,14 @@ def test_noise_alone_costs_the_same_at_every_depth() -> None:
     assert means.min() > 0.7 * COST
 
 
-def test_the_row_of_a_texture_is_the_nearest() -> None:
-    """Two frames see the place in their rows 2.0 and 2.6, which is the third."""
+def test_textures_are_interpolated_from_row_to_row() -> None:
+    """Two frames see the place in their rows 2.0 and 2.6. Of the second, 0.4 and 0.6 of its rows 2 and 3 are alike."""
     textures = np.full((2, 6, 2), 60, np.int8)
-    textures[0, 2] = textures[1, 3] = [50, -40]
-    textures[1, 2] = [-50, 40]
+    textures[0, 2] = [50, -40]
+    textures[1, 2:4] = [[20, -16], [70, -56]]
     strip = np.linspace(-1, 1, 21), np.zeros(21)
     costs = sweep(textures, np.array([0.0, -0.06]), 0.1, np.zeros(2), strip, np.array([[0.2]]), np.zeros(1))
     assert costs.tolist() == [[[0]]]
+    textures[1, 2] = UNKNOWN
+    costs = sweep(textures, np.array([0.0, -0.06]), 0.1, np.zeros(2), strip, np.array([[0.2]]), np.zeros(1))
+    assert costs.tolist() == [[[UNSEEN]]]  # then fewer than two see it
