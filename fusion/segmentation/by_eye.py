@@ -16,7 +16,7 @@ from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.learned.looking import (
     COARSEST_MM,
-    LOOKS_MM,
+    LOOK_MM,
     Inputs,
     grain,
     inputs_of,
@@ -41,9 +41,9 @@ recordings with few small cells among stains it found 0.3 to 0.8, in others 0.9 
 LEAST_AGREEMENT = 0.5
 """Where both are doubtful, they have at least this Jaccard index with each other, or the eye's cells are doubted: with
 floors as bright as the wall it was 0.1 to 0.45, else 0.6 and more."""
-MOST_GRAIN = 0.04
+MOST_GRAIN = 0.035
 """A wall whose neighbouring samples differ by more is unlike those that an eye was trained on. 41 recordings of two
-generators have 0.011 to 0.025. Walls with noise in every sample have 0.06 and more: the eye took nearly all of them for
+generators have 0.009 to 0.022. Walls with noise in every sample have 0.05 and more: the eye took nearly all of them for
 cells."""
 TOO_GRAINY = "; the wall is too grainy for the learned eye"
 NOT_SURE = "; the learned eye is not sure of this wall"
@@ -54,8 +54,8 @@ exact."""
 
 
 def inputs_for(side: Side, parameters: SegmentParameters) -> Inputs:
-    """Return what an eye looks at first to find the cells of ``side``, which are dark."""
-    return inputs_of(side.contrast("dark"), _relief(side, parameters), LOOKS_MM[0])
+    """Return what an eye looks at to find the cells of ``side``, which are dark."""
+    return inputs_of(side.contrast("dark"), _relief(side, parameters), LOOK_MM)
 
 
 def is_familiar(inputs: Inputs) -> bool:

@@ -43,9 +43,9 @@ CHANNELS = 4
 MOST_OF_WALL = 0.1
 """A sample that is darker may be a cell."""
 PIECE_ROWS, OVERLAP_ROWS = 256, 32
-"""A bore is looked at in pieces, which fade into each other where they overlap. The network judges a sample by the whole
-piece: where pieces were half as long, it missed much of a large cell. In longer ones, what it makes of them no longer
-stays in memory that is at hand."""
+"""A bore is looked at in pieces, which fade into each other where they overlap. The network judges a sample by the
+whole piece: where pieces were half as long, it missed much of a large cell. In longer ones, what it makes of them no
+longer stays in memory that is at hand."""
 COARSEST_MM = 0.06
 """An eye that was trained on finer samples is not asked where samples lie farther apart than this."""
 
@@ -130,7 +130,8 @@ def weights_for(modality: str, eye: str) -> Path | None:
 def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None, inputs: Inputs) -> Probability:
     """Return what the eye with ``weights`` says of a side, from its ``darkness`` and ``relief`` on the same samples.
 
-    ``inputs`` are those of both. Each piece of a look is computed by one thread, so that sums have one order. Raises :class:`EndoctError` where the weights are damaged.
+    ``inputs`` are those of both. Each piece of a look is computed by one thread, so that sums have one order. Raises
+    :class:`EndoctError` where the weights are damaged.
     """
     eye = eye_of(weights)[0]
     views = [inputs] if relief is None else [inputs, inputs_of(darkness, None, COARSE_MM)]

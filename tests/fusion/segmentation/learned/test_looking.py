@@ -17,7 +17,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.segmentation.learned import looking
 from endoct.fusion.segmentation.learned.looking import (
-    LOOKS_MM,
+    LOOK_MM,
     TRAINED_MM,
     Probability,
     inputs_of,
@@ -58,7 +58,7 @@ def weights() -> Path:
 
 
 def seen_by(weights: Path, evidence: Evidence, depth: ParallaxRelief | None) -> Probability:
-    return look(weights, evidence, depth, inputs_of(evidence, depth, LOOKS_MM[0]))
+    return look(weights, evidence, depth, inputs_of(evidence, depth, LOOK_MM))
 
 
 def jaccard(one: Mask, other: Mask) -> float:
@@ -181,17 +181,17 @@ def test_the_number_of_torchs_threads_changes_nothing(weights: Path) -> None:
     np.testing.assert_array_equal(*answers)
 
 
-@pytest.mark.parametrize(("n_z", "expected"), [(1, [(0, 1)]), (128, [(0, 128)]), (129, [(0, 128), (1, 129)])])
+@pytest.mark.parametrize(("n_z", "expected"), [(1, [(0, 1)]), (256, [(0, 256)]), (257, [(0, 256), (1, 257)])])
 def test_pieces_are_equally_long(n_z: int, expected: list[tuple[int, int]]) -> None:
     assert [(piece.start, piece.stop) for piece in looking._pieces(n_z)] == expected
 
 
-@pytest.mark.parametrize("n_z", [240, 241, 1981])
+@pytest.mark.parametrize("n_z", [480, 481, 1981])
 def test_pieces_cover_a_bore_and_overlap(n_z: int) -> None:
     pieces = looking._pieces(n_z)
     assert (pieces[0].start, pieces[-1].stop) == (0, n_z)
     assert all(one.stop - other.start >= looking.OVERLAP_ROWS for one, other in pairwise(pieces))
-    assert len(pieces) == -(-(n_z - 16) // 112)
+    assert len(pieces) == -(-(n_z - 32) // 224)
 
 
 def answer_along(
@@ -204,7 +204,7 @@ def answer_along(
     image = np.repeat(values[:, None], 24, axis=1).astype(np.float32)
     z_mm = STEP_MM * np.arange(len(values))
     evidence = Evidence(image, np.ones(image.shape, np.bool_), z_mm, STEP_MM, 0.0, 0.06, "darkness")
-    return look(Path("by hand"), evidence, None, inputs_of(evidence, None, LOOKS_MM[0])).of_cell
+    return look(Path("by hand"), evidence, None, inputs_of(evidence, None, LOOK_MM)).of_cell
 
 
 RISE = np.linspace(0.05, 0.95, 500)
