@@ -122,7 +122,7 @@ def read_start(path: Path, count: int) -> bytes:
     """Return the first ``count`` bytes of a file, none where it is no regular file that can be read."""
     try:
         with open_regular(path) as file:
-            return file.read(count)
+            return file.read(count) or b""  # None where a file of the system has nothing to say just now
     except (EndoctError, OSError):
         return b""
 

@@ -251,8 +251,8 @@ def _unsaid(path: Path, stated: str) -> EndoctError:
 
 
 def _place(point: _Control, convention: Convention, path: Path) -> Point:
-    numbers = [float(v) for v in point.position if isinstance(v, int | float) and not isinstance(v, bool)]
+    numbers = [v for v in point.position if isinstance(v, int | float) and not isinstance(v, bool)]
     if len(point.position) != 3 or len(numbers) != 3 or not all(abs(value) <= FARTHEST_MM for value in numbers):
         raise EndoctError(f"a point in {path} has no place", expected="three numbers, mm")
-    x, y, z = (sign * value for sign, value in zip(SIGNS[convention], numbers, strict=True))
+    x, y, z = (float(sign * value) for sign, value in zip(SIGNS[convention], numbers, strict=True))
     return x, y, z
