@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.ndimage import distance_transform_edt
 
 from endoct.base.arrays import Coordinates, Image, Mask, read_view
 from endoct.base.compute.compiled import compiled
 from endoct.base.errors import EndoctError
-from endoct.base.numeric.circle import pad_circle
+from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 
@@ -186,7 +185,7 @@ class Placement:
         is true where at least half of what was observed of it is.
         """
         if self._refines:
-            distance, observed = self.image(signed_distance(mask & valid, self._sample_mm), valid)
+            distance, observed = self.image(signed_distance(mask & valid, self._sample_mm, FARTHEST_OUTLINE_MM), valid)
             return (distance > 0) & observed, observed
         share, observed = self.image(mask.astype(np.float32), valid)
         return (share >= 0.5) & observed, observed
@@ -207,16 +206,6 @@ class Sampling:
     def onto(self, grid: SurfaceGrid) -> Placement:
         """Return what takes images on its samples to ``grid``."""
         return Placement.averaging(self.grid, self.where, grid)
-
-
-def signed_distance(mask: Mask, sample_mm: tuple[float, float]) -> Image:
-    """Return the distance to the outline of ``mask`` in mm, positive inside, at most ``FARTHEST_OUTLINE_MM``."""
-    pad = min(int(np.ceil(FARTHEST_OUTLINE_MM / sample_mm[1])), mask.shape[1])
-    padded = pad_circle(mask, pad)
-    inside = distance_transform_edt(padded, sampling=sample_mm) if not padded.all() else np.full(padded.shape, np.inf)
-    outside = distance_transform_edt(~padded, sampling=sample_mm) if padded.any() else np.full(padded.shape, np.inf)
-    distance = np.where(padded, inside, -outside)[:, pad : pad + mask.shape[1]]
-    return np.clip(distance, -FARTHEST_OUTLINE_MM, FARTHEST_OUTLINE_MM).astype(np.float32)
 
 
 def common_grid(a: Sampling, b: Sampling, *, dz_mm: float | None, n_theta: int) -> SurfaceGrid:

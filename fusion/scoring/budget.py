@@ -31,8 +31,9 @@ from scipy.special import ndtri
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import largest_divisor
+from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling, signed_distance
+from endoct.fusion.geometry.placement import FARTHEST_OUTLINE_MM, IN_PLACE, Placement, Sampling
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, invisible_cells
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
@@ -80,7 +81,7 @@ def agreement_budget(
         invisible_cells(side, of, ids, coarse.grid)
         for side, of, ids in ((a, thin_labels[1], alone[1]), (b, thin_labels[0], alone[0]))
     ]
-    ideal = _Ideal(signed_distance(wall, (coarse.grid.dz_mm, coarse.grid.dtheta_mm)), coarse.grid)
+    ideal = _Ideal(_outline_mm(wall, coarse.grid), coarse.grid)
     hidden = [_zone(wall, np.isin(of, ids), coarse.grid) for of, ids in zip(thin_labels[::-1], invisible, strict=True)]
     patches = _patches(coarse.grid)
     stages: list[list[Count]] = [[], [], []]
@@ -169,8 +170,11 @@ def _zone(wall: Mask, cells: Mask, grid: SurfaceGrid) -> Mask:
     """Return the surroundings of ``cells``, nearer to them than to the rest of the cells of ``wall``."""
     if not cells.any():
         return cells
-    sample_mm = grid.dz_mm, grid.dtheta_mm
-    return np.asarray(signed_distance(cells, sample_mm) > signed_distance(wall & ~cells, sample_mm))
+    return np.asarray(_outline_mm(cells, grid) > _outline_mm(wall & ~cells, grid))
+
+
+def _outline_mm(mask: Mask, grid: SurfaceGrid) -> Image:
+    return signed_distance(mask, (grid.dz_mm, grid.dtheta_mm), FARTHEST_OUTLINE_MM)
 
 
 def _thin(grid: SurfaceGrid) -> _Thin:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
+from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.fusion.geometry.placement import Sampling, signed_distance
+from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Bootstrap, Budget, MaskScores, PairScores, Reliefs, ReliefStratum, Scores
 from endoct.fusion.scoring.boundary import boundary_scores
 from endoct.fusion.scoring.budget import agreement_budget
@@ -115,7 +116,7 @@ def _off_rims(cells: Mask, grid: SurfaceGrid) -> Mask:
     """Return what lies farther than ``RIM_MM`` from the outlines of ``cells``."""
     if not cells.any() or cells.all():
         return np.ones(cells.shape, np.bool_)
-    return np.abs(signed_distance(cells, (grid.dz_mm, grid.dtheta_mm))) > RIM_MM
+    return np.abs(signed_distance(cells, (grid.dz_mm, grid.dtheta_mm), 2 * RIM_MM)) > RIM_MM
 
 
 def _limits(differs: Coordinates, error: Coordinates | None) -> dict[str, float | None]:

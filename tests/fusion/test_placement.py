@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_edt
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
 from endoct.fusion.geometry.placement import (
-    FARTHEST_OUTLINE_MM,
     IN_PLACE,
     Placement,
     Sampling,
@@ -18,24 +16,8 @@ from endoct.fusion.geometry.placement import (
     common_grid,
     resample,
     row_weights,
-    signed_distance,
 )
 from endoct.stitching.grid import SurfaceGrid
-
-
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99, 1.0])
-@pytest.mark.parametrize("shape", [(1, 7), (5, 1), (40, 64), (3, 200)])
-def test_the_distance_to_an_outline_is_the_exact_one_around_the_circle(shape: tuple[int, int], share: float) -> None:
-    mask, sample_mm = np.random.default_rng(0).random(shape) < share, (0.07, 0.031)
-    thrice = np.tile(mask, (1, 3))
-    inside, outside = (
-        np.full(thrice.shape, np.inf) if of.all() else distance_transform_edt(of, sampling=sample_mm)
-        for of in (thrice, ~thrice)
-    )
-    wanted = np.where(thrice, inside, -outside)[:, shape[1] : 2 * shape[1]]
-    found = signed_distance(mask, sample_mm)
-    assert found.dtype == np.float32
-    assert found == pytest.approx(np.clip(wanted, -FARTHEST_OUTLINE_MM, FARTHEST_OUTLINE_MM), abs=1e-6)
 
 
 @pytest.mark.parametrize(("n_rows", "n_columns"), [(9, 16), (60, 96), (31, 40)])
