@@ -20,8 +20,8 @@ SAID_AFTER = 5
 """A user hears of compiling from this many functions on: one or two are no wait, and after five many more follow."""
 exchanging = threading.RLock()
 """Held while an output is put in its place, which nothing may come between."""
-_MMAP_THRESHOLD, _TRIM_THRESHOLD = -3, -1
-"""What glibc's malloc.h calls M_MMAP_THRESHOLD and M_TRIM_THRESHOLD."""
+_MMAP_THRESHOLD, _TRIM_THRESHOLD, _ARENA_MAX = -3, -1, -8
+"""What glibc's malloc.h calls M_MMAP_THRESHOLD, M_TRIM_THRESHOLD and M_ARENA_MAX."""
 _LARGEST_KEPT, _MOST_KEPT = 32 << 20, 128 << 20
 """Bytes of the largest array whose memory is kept, and how much is kept at the top of each heap."""
 _EXCHANGE_S, _DYING_S = 0.5, 0.1
@@ -41,6 +41,7 @@ def settle_in() -> None:
     if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         mallopt(_MMAP_THRESHOLD, _LARGEST_KEPT)
         mallopt(_TRIM_THRESHOLD, _MOST_KEPT)
+        mallopt(_ARENA_MAX, 1)  # what a thread gives back serves the others, too
     gc.set_threshold(GARBAGE_THRESHOLD)
     atexit.register(gc.freeze)  # or Python looks at its end through all that libraries made: 0.6 s
     os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -1,7 +1,6 @@
 """The network of the learned eye: a small U-Net on a circle. Loads torch."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -9,7 +8,7 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save_file
 from torch import Tensor, nn
-from torch.nn.functional import avg_pool2d, gelu, interpolate, pad
+from torch.nn.functional import avg_pool2d, conv2d, gelu, pad
 
 from endoct.base.files.files import read_small
 
@@ -30,9 +29,32 @@ class Convolution(nn.Module):
         self.kernel = nn.Conv2d(given, made, 3)
         self.norm = nn.GroupNorm(GROUPS, made)
 
-    def forward(self, *images: Tensor) -> Tensor:
-        """Return (batch, made, n_z, n_theta) of images (batch, …, n_z, n_theta), whose channels together are given."""
-        return gelu(self.norm(self.kernel(bordered(images))))
+    def forward(self, image: Tensor, coarser: Tensor | None = None) -> Tensor:
+        """Return (batch, made, n_z, n_theta) of an image of that size, which may have one of half the size beside it.
+
+        The channels of both together are given, first those of ``coarser``, of which each sample counts as four.
+        """
+        own = self.kernel.weight[:, -image.shape[1] :]
+        made = conv2d(bordered(image), own, self.kernel.bias)
+        if coarser is not None:
+            add_from_coarser(made, bordered(coarser), self.kernel.weight[:, : coarser.shape[1]])
+        made = self.norm(made)  # and let go of what is not normalised
+        return torch.ops.aten.gelu_(made) if torch.is_inference_mode_enabled() else gelu(made)
+
+
+def add_from_coarser(made: Tensor, bordered_coarser: Tensor, kernels: Tensor) -> None:
+    """Add to ``made`` what ``kernels``, (made, coarser, 3, 3), find in a coarser image, had its samples been doubled.
+
+    Of nine doubled samples two or more are the same, so 2 × 2 kernels do, others for even and odd rows and columns.
+    """
+    n_made, (n_z, n_theta) = made.shape[1], bordered_coarser.shape[2:]
+    sums = kernels.new_tensor([[[1, 0, 0], [0, 1, 1]], [[1, 1, 0], [0, 0, 1]]])  # of even and odd rows: two of three
+    of_four = torch.einsum("pai,qbj,mcij->pqmcab", sums, sums, kernels).flatten(0, 2)
+    found = conv2d(bordered_coarser, of_four.contiguous(memory_format=torch.channels_last))
+    for k in range(4):
+        row, column = divmod(k, 2)
+        rows, columns = slice(row, row + n_z - 2), slice(column, column + n_theta - 2)
+        made[:, :, row::2, column::2] += found[:, k * n_made : (k + 1) * n_made, rows, columns]
 
 
 class Eye(nn.Module):
@@ -55,24 +77,20 @@ class Eye(nn.Module):
             finer_images.append(images)
         for coarser, beside in zip(self.up, finer_images[-2::-1], strict=True):
             first, second = cast(nn.Sequential, coarser)
-            images = second(first(interpolate(images, scale_factor=2, mode="nearest"), beside))
+            images = second(first(beside, images))
         logits: Tensor = self.out(images)[:, 0, :n_z]
         return logits
 
 
-def bordered(images: Sequence[Tensor]) -> Tensor:
-    """Return the channels of all ``images``, (batch, …, n_z, n_theta), with a border of one sample.
+def bordered(image: Tensor) -> Tensor:
+    """Return ``image``, (batch, channels, n_z, n_theta), with a border of one sample, in one copy.
 
-    Around, it is the other end of the circle; along z, the first and the last row once more. This is one copy, where
-    joining them and two paddings would be four.
+    Around, it is the other end of the circle; along z, the first and the last row once more.
     """
-    batch, _, n_z, n_theta = images[0].shape
-    size, like = (batch, sum(image.shape[1] for image in images), n_z + 2, n_theta + 2), images[0]
-    whole = torch.empty(size, dtype=like.dtype, device=like.device, memory_format=torch.channels_last)
-    first = 0
-    for image in images:
-        whole[:, first : first + image.shape[1], 1:-1, 1:-1] = image
-        first += image.shape[1]
+    batch, channels, n_z, n_theta = image.shape
+    size = batch, channels, n_z + 2, n_theta + 2
+    whole = torch.empty(size, dtype=image.dtype, device=image.device, memory_format=torch.channels_last)
+    whole[:, :, 1:-1, 1:-1] = image
     whole[:, :, :, 0], whole[:, :, :, -1] = whole[:, :, :, -2], whole[:, :, :, 1]
     whole[:, :, 0], whole[:, :, -1] = whole[:, :, 1], whole[:, :, -2]
     return whole

@@ -25,7 +25,7 @@ from endoct.fusion.segmentation.learned.looking import (
     on_own_samples,
     weights_for,
 )
-from endoct.fusion.segmentation.learned.network import HALVED, Eye, bordered, load_eye, save_eye
+from endoct.fusion.segmentation.learned.network import HALVED, Convolution, Eye, bordered, load_eye, save_eye
 
 N_Z, N_THETA, STEP_MM = 130, 400, 0.02
 ROWS, COLUMNS = np.mgrid[:N_Z, :N_THETA]
@@ -235,9 +235,13 @@ def test_of_a_bore_that_is_one_piece_nothing_fades(monkeypatch: pytest.MonkeyPat
     assert told == pytest.approx(0.05, abs=1e-6)
 
 
-def test_a_border_joins_images_closes_the_circle_and_repeats_the_ends() -> None:
-    one, two = torch.arange(6.0).reshape(1, 1, 2, 3), torch.arange(6.0, 12).reshape(1, 1, 2, 3)
-    joined = bordered([one, two])
-    assert joined.shape == (1, 2, 4, 5)
-    assert joined[0, 0].tolist() == [[2, 0, 1, 2, 0], [2, 0, 1, 2, 0], [5, 3, 4, 5, 3], [5, 3, 4, 5, 3]]
-    assert joined[0, 1, 1:3].tolist() == [[8, 6, 7, 8, 6], [11, 9, 10, 11, 9]]
+def test_a_border_closes_the_circle_and_repeats_the_ends() -> None:
+    image = torch.arange(6.0).reshape(1, 1, 2, 3)
+    assert bordered(image)[0, 0].tolist() == [[2, 0, 1, 2, 0], [2, 0, 1, 2, 0], [5, 3, 4, 5, 3], [5, 3, 4, 5, 3]]
+
+
+def test_a_coarser_image_beside_is_convolved_as_if_its_samples_were_doubled() -> None:
+    torch.manual_seed(1)
+    layer, image, coarser = Convolution(5, 8), torch.randn(2, 2, 6, 8), torch.randn(2, 3, 3, 4)
+    doubled = coarser.repeat_interleave(2, 2).repeat_interleave(2, 3)
+    torch.testing.assert_close(layer(image, coarser), layer(torch.cat([doubled, image], 1)), rtol=1e-4, atol=1e-5)
