@@ -75,9 +75,10 @@ class Eye(nn.Module):
         for level, finer in enumerate(self.down):
             images = finer(avg_pool2d(images, 2) if level else images)
             finer_images.append(images)
-        for coarser, beside in zip(self.up, finer_images[-2::-1], strict=True):
-            first, second = cast(nn.Sequential, coarser)
-            images = second(first(beside, images))
+        finer_images.pop()
+        for layers in self.up:
+            first, second = cast(nn.Sequential, layers)
+            images = second(first(finer_images.pop(), images))
         logits: Tensor = self.out(images)[:, 0, :n_z]
         return logits
 
