@@ -144,8 +144,9 @@ def copied_tree(folder: Path) -> Path:
 
 def shared_specimen(folder: Path) -> Path:
     """Simulate the specimen that tests share into ``folder``, in a process that loads nothing here; return that."""
-    made = f"from endoct.synthetic.specimen import simulate as s; s({str(folder)!r}, preset='quick', seed=1000)"
-    subprocess.run([sys.executable, "-c", made], check=True)
+    made = "import pathlib, sys; from endoct.synthetic.specimen import simulate as of; "
+    made += "of(pathlib.Path(sys.argv[1]), preset='quick', seed=1000)"
+    subprocess.run([sys.executable, "-c", made, str(folder)], check=True)
     return folder
 
 

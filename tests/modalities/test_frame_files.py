@@ -90,6 +90,13 @@ def test_two_series_are_refused_by_name(other: str, tmp_path: Path) -> None:
     assert "s0.png (4)" in str(caught.value)
 
 
+def test_series_are_named_by_their_first_image_cut_short(tmp_path: Path) -> None:
+    contents = {f"{letter * 80}{k}.png": f"{letter}{k}" for letter in "abcd" for k in (1, 2)}
+    with pytest.raises(EndoctError) as caught:
+        chosen(tmp_path, contents)
+    assert caught.value.found == f"{'a' * 60} (2), {'b' * 60} (2), {'c' * 60} (2) and 1 more"
+
+
 @pytest.mark.parametrize(
     ("names", "code"),
     [
