@@ -216,6 +216,19 @@ def test_shards_other_axes_and_times_are_read(tmp_path: Path) -> None:
     assert stated_by(timed).keys == pytest.approx({"frame_rate_hz": 25.0})
 
 
+@pytest.mark.parametrize(("most", "read"), [(12, True), (11, False)])
+def test_frames_of_too_many_chunks_are_refused(
+    most: int, read: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames of 40 × 56 in chunks of 10 × 24 have 4 × 3; slices are no part of a frame."""
+    path = ngff(tmp_path / "a.zarr", chunks=(1, 10, 24))
+    monkeypatch.setattr("endoct.modalities.reading.ome_zarr.MOST_CHUNKS_A_FRAME", most)
+    if read:
+        assert len(open_stack(path)) == len(STACK)
+    else:
+        assert "too many chunks; expected 11 a frame" in refusal(path)
+
+
 def test_missing_chunks_are_the_fill_value(tmp_path: Path) -> None:
     stack = STACK.copy()
     stack[2, :16, :32] = 0  # writers leave out what is nothing but the fill value
