@@ -126,7 +126,7 @@ def test_an_eye_that_expects_little_doubts_its_cells(
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", least)
     cells, expected = by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))
     assert [doubt.code for doubt in cells.doubts] == [by_eye.UNSURE] * doubted
-    assert all(doubt.value == expected for doubt in cells.doubts)
+    assert all((doubt.value, doubt.expected) == (expected, (least, 1.0)) for doubt in cells.doubts)
 
 
 ROW = np.arange(20)
@@ -162,6 +162,7 @@ def test_cells_of_the_eye_that_doubtful_ones_contradict_are_doubted(shared: int,
     else:
         (doubt,) = kept.doubts[1:]
         assert (doubt.code, doubt.value) == ("cells-by-eye-alone", pytest.approx(shared / 10))
+        assert doubt.expected == (by_eye.LEAST_AGREEMENT, 1.0)
         assert f"of {shared / 10:.2f} with" in doubt.what
 
 
@@ -173,9 +174,9 @@ def test_an_eye_is_sure_from_what_it_expects_on_and_never_of_nothing() -> None:
 
 
 def test_what_depth_added_and_dropped_is_counted_beyond_the_edges(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One cell by both, a sample wider by depth; one by depth alone, of 20 × 40; one without it, of 10 × 40."""
+    """One cell by both, three samples wider by depth; one by depth alone, of 20 × 40; one without it, of 10 × 40."""
     of_cell, without = np.zeros((2, *CELL.shape), np.float32)
-    of_cell[30:70, 99:201], without[30:70, 100:200] = 0.5, 0.5
+    of_cell[30:70, 97:203], without[30:70, 100:200] = 0.5, 0.5
     of_cell[30:50, 300:340], without[80:90, 300:340] = 0.41, 0.9
     of_cell[100:, 400:440] = 0.39  # too improbable
     monkeypatch.setattr(by_eye, "look", lambda *_: Probability(of_cell, without))
