@@ -1,5 +1,6 @@
 """What is doubted of a comparison: forced and bounded alignments, drifting cells, too little wall."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from endoct.fusion.doubts import (
     doubts_of_alignment,
     doubts_of_largest_cell,
     doubts_of_orientation,
+    doubts_of_parts,
     doubts_of_result,
     doubts_of_scale,
     scale_at_limit,
@@ -21,6 +23,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import largest_cell_share, remedies
+from endoct.fusion.registration.rigidity import Part
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores, Result, StoredAlignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import AxialScale, Panorama
@@ -29,7 +32,18 @@ ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 
 
 def of_alignment(alignment: Alignment = ALIGNED, **parameters: Any) -> list[Doubt]:
-    return list(doubts_of_alignment(alignment, CompareParameters(**parameters)))
+    return outside(doubts_of_alignment(alignment, CompareParameters(**parameters)))
+
+
+def outside(doubts: Iterable[Doubt]) -> list[Doubt]:
+    """Return the doubts, of which none is of a value that was to be expected, but for what somebody forced."""
+    found = list(doubts)
+    for doubt in found:
+        if isinstance(doubt.expected, tuple) and doubt.value is not None and doubt.code != "forced":
+            low, high = doubt.expected
+            assert low < high
+            assert not low < doubt.value < high, doubt
+    return found
 
 
 def side(
@@ -43,7 +57,7 @@ def side(
 def of_result(**changed: Any) -> list[Doubt]:
     stated = {"jaccard": 0.8, "dice": 0.9, "valid_fraction": 0.95} | changed
     made = Result(sides=("endoscope", "oct"), aligned=True, alignment=StoredAlignment.of(ALIGNED), **stated)
-    return list(doubts_of_result(made))
+    return outside(doubts_of_result(made))
 
 
 def test_a_sound_comparison_is_not_doubted() -> None:
@@ -178,3 +192,22 @@ def test_a_stated_handedness_is_not_put_right_in_silence(
     alignment = replace(ALIGNED, mirrored=mirrored, z_reversed=z_reversed)
     found = list(doubts_of_orientation(alignment, one, two, "oct"))
     assert [doubt.code for doubt in found] == ["handedness-contradicted"] * doubted
+
+
+WELL = 0.9, 0.1
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (Part("band", 1.25, 2.5, 0.3, -0.4, WELL), "z = 1.2 and 2.5 mm it fits best +0.30 mm along and -0.40 mm"),
+        (Part("sector", 1.0, 2.0, 0.0, 0.2, WELL), "between θ = 57° and 115° it fits best +0.00 mm along"),
+        (Part("turn", 1.0, 2.0, 0.0, 0.2, WELL), "from where other directions do"),
+    ],
+)
+def test_the_worst_of_parts_out_of_place_is_told(part: Part, said: str) -> None:
+    (doubt,) = outside(doubts_of_parts([part, Part("band", 0.0, 1.0, 0.2, 0.0, WELL)], "oct"))
+    assert said in doubt.what
+    assert (doubt.side, doubt.expected) == ("oct", (0.0, 0.1 if part.kind == "turn" else 0.16))
+    assert doubt.value == pytest.approx(0.5 if part.kind == "band" else 0.2)
+    assert list(doubts_of_parts([], "oct")) == []
