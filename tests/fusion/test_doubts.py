@@ -1,11 +1,11 @@
 """What is doubted of a comparison: forced and bounded alignments, drifting cells, too little wall."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from doubted import outside
 
 from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import (
@@ -33,17 +33,6 @@ ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 
 def of_alignment(alignment: Alignment = ALIGNED, **parameters: Any) -> list[Doubt]:
     return outside(doubts_of_alignment(alignment, CompareParameters(**parameters)))
-
-
-def outside(doubts: Iterable[Doubt]) -> list[Doubt]:
-    """Return the doubts, of which none is of a value that was to be expected, but for what somebody forced."""
-    found = list(doubts)
-    for doubt in found:
-        if isinstance(doubt.expected, tuple) and doubt.value is not None and doubt.code != "forced":
-            low, high = doubt.expected
-            assert low < high
-            assert not low < doubt.value < high, doubt
-    return found
 
 
 def side(
