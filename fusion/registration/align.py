@@ -26,6 +26,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import Evidence, brightness, clipped, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
@@ -33,7 +34,6 @@ from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import search
-from endoct.fusion.segmentation.regions import label
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
 

@@ -21,9 +21,10 @@ from scipy import fft
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import CLIP, Evidence, clipped, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.regions import label
 
 Spectra = NDArray[np.complex128]
 
@@ -99,15 +100,9 @@ def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> 
     correlation = _correlations(a, part, rows, columns)
     row, column = map(int, np.unravel_index(int(np.argmax(correlation)), correlation.shape))
     best, here = float(correlation[row, column]), float(correlation[rows, columns])
-    around = column - columns + _summit(correlation[row, max(0, column - 1) : column + 2])
+    three = correlation[row, max(0, column - 1) : column + 2]
+    around = column - columns + float(vertex(*three) if three.size == 3 else 0.0)
     return Fit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
-
-
-def _summit(three: Coordinates) -> float:
-    """Return where the parabola through three samples has its top, from the middle one; 0 where it has none."""
-    if three.size < 3 or (bent := three[0] - 2 * three[1] + three[2]) >= 0:
-        return 0.0
-    return float(0.5 * (three[0] - three[2]) / bent)
 
 
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:

@@ -11,9 +11,11 @@ import numpy as np
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import within
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.learned.looking import (
     COARSEST_MM,
     LOOK_MM,
@@ -24,7 +26,6 @@ from endoct.fusion.segmentation.learned.looking import (
     weights_for,
 )
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
-from endoct.fusion.segmentation.regions import clean, within
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
 LEAST_PROBABILITY = 0.4

@@ -15,12 +15,13 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import label, looked_up, quantiles
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean, label, looked_up, quantiles
 from endoct.stitching.panorama import Panorama
 
 LEAST_DEPTH_MM = 0.05

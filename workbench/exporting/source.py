@@ -12,11 +12,11 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, visible
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import number
+from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache, StoredImage, stored_image
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama

@@ -12,13 +12,13 @@ import numpy as np
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError, refusing
+from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.scoring.cells import OBSERVED, Cell
-from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.store import PanoramaOutline, is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.page.description import CellPart, CellState, Description, OutlinePart, WallPart

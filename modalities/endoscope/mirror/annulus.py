@@ -8,6 +8,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.errors import NotSeen
+from endoct.base.numeric.peaks import vertex_in_loops
 from endoct.base.numeric.ranks import median
 from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
@@ -329,8 +330,7 @@ def _steepest(
             if slope[k] > slope[at]:
                 at = k
         at = min(max(at, MARGIN + 1), n - MARGIN - 2)
-        bend = slope[at - 1] - 2 * slope[at] + slope[at + 1]
-        shift = 0.5 * (slope[at - 1] - slope[at + 1]) / bend if bend < 0 else 0.0
+        shift = vertex_in_loops(slope[at - 1], slope[at], slope[at + 1])
         radius[i] = radii[at] + STEP_PX * min(max(shift, -1.0), 1.0)
         steepest[i] = slope[at]
     return radius, steepest

@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.peaks import vertex
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 
 Levels = Callable[[NDArray[np.intp]], Image]
@@ -186,9 +187,8 @@ def _between(alike: Coordinates, path: NDArray[np.intp]) -> Coordinates:
     """Return how far off the columns of ``path`` parabolas through ``alike`` (place, lag) peak, (place,)."""
     rows, inner = np.arange(len(path)), np.clip(path, 1, alike.shape[1] - 2)
     before, at, after = (alike[rows, inner + k] for k in (-1, 0, 1))
-    bend = before - 2 * at + after
-    peaks = (path == inner) & (bend < 0) & (before > -1) & (after > -1)
-    return np.where(peaks, np.clip((before - after) / (2 * np.where(peaks, bend, 1.0)), -0.5, 0.5), 0.0)
+    peaks = (path == inner) & (before > -1) & (after > -1)
+    return np.where(peaks, np.clip(vertex(before, at, after), -0.5, 0.5), 0.0)
 
 
 def _refined(levels: Levels, n_ascans: int, begin: float, end: float, step: int, usual: float) -> float:

@@ -17,8 +17,8 @@ from endoct.base.numeric.circle import gaussian, masked_gaussian
 from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye, inputs_for
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.toy_walls import RANGES, toy_panorama
 from endoct.workbench.bench.task import Declined, NotInstalled, draw

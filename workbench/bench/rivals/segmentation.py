@@ -15,9 +15,9 @@ from skimage import filters, morphology, segmentation
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import masked_gaussian, pad_circle
 from endoct.fusion.evidence.evidence import Evidence, prepare
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import bounds
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 
