@@ -118,6 +118,20 @@ class NotAligned:
 
 
 @dataclass(frozen=True)
+class SearchOutcome:
+    """Where a search, a method or pairs of landmarks lay B; else the ``best`` place, and the ``reason`` against it."""
+
+    alignment: Alignment | None
+    best: Alignment | None = None
+    reason: str = ""
+
+    @classmethod
+    def of(cls, answer: Alignment | NotAligned) -> "SearchOutcome":
+        """Return what a search or a method answers."""
+        return cls(answer) if isinstance(answer, Alignment) else cls(None, answer.best, answer.reason)
+
+
+@dataclass(frozen=True)
 class Place:
     """A place on the wall of one side, in the frame of that side's own panorama: θ in [0, 2π), z in mm."""
 

@@ -23,9 +23,9 @@ from endoct.fusion.geometry.alignment import (
     ALL_ORIENTATIONS,
     Alignment,
     LandmarkPair,
-    NotAligned,
     Orientation,
     Role,
+    SearchOutcome,
     as_covariance,
     columns,
     of_role,
@@ -144,13 +144,13 @@ class Bore:
 
 @dataclass(frozen=True)
 class Judged:
-    """The alignment that pairs lead to, or why there is none, and what is said of that."""
+    """Where pairs lead to, and what is said of that."""
 
-    alignment: Alignment | NotAligned
+    outcome: SearchOutcome
     said: ByHand
 
 
-def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore: Bore) -> Judged:
+def judge(pairs: Sequence[LandmarkPair], automatic: SearchOutcome, bore: Bore) -> Judged:
     """Return what ``pairs`` make of the ``automatic`` alignment, and its error by those that check it.
 
     The corrected alignment has no confidence of its own. Raises :class:`EndoctError` where pairs clearly contradict the
@@ -158,8 +158,8 @@ def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore
     """
     correcting, why = of_role(pairs, "correct"), ""
     fit = None
-    if correcting and isinstance(automatic, Alignment):
-        fit = _corrected(correcting, automatic, bore)
+    if correcting and automatic.alignment:
+        fit = _corrected(correcting, automatic.alignment, bore)
     elif correcting:
         fit, why = _established(correcting, bore)
     if fit is not None and fit.alignment.z_scale in FARTHEST:
@@ -169,23 +169,21 @@ def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore
             expected=f"a scale along the bore from {FARTHEST[0]:g} to {FARTHEST[1]:g}",
             remedy=CHECK_PAIRS,
         )
-    used = automatic if fit is None else fit.alignment
-    if why and isinstance(used, NotAligned):
+    used = automatic if fit is None else SearchOutcome(fit.alignment)
+    if why:
         used = replace(used, reason=f"{used.reason} {why}")
-    return Judged(used, _said(pairs, automatic, used, fit, bore.radius_mm))
+    return Judged(used, _said(pairs, automatic, used.alignment, fit, bore.radius_mm))
 
 
-def align_by_hand(
-    a: Side, b: Side, automatic: Alignment | NotAligned, pairs: Sequence[LandmarkPair], bore: Bore
-) -> Judged:
+def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[LandmarkPair], bore: Bore) -> Judged:
     """Return what ``pairs`` make of an alignment, as :func:`judge` does, with what both sides show where they put B.
 
     Raises :class:`EndoctError` as :func:`judge` does, and where the two share no wall there.
     """
     judged = judge(pairs, automatic, bore)
-    if not judged.said.corrected or not isinstance(judged.alignment, Alignment):
+    if not judged.said.corrected or judged.outcome.alignment is None:
         return judged
-    return replace(judged, alignment=_with_evidence(judged.alignment, a, b))
+    return replace(judged, outcome=SearchOutcome(_with_evidence(judged.outcome.alignment, a, b)))
 
 
 def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: Bore) -> PairFit:
@@ -264,21 +262,21 @@ def _with_evidence(alignment: Alignment, a: Side, b: Side) -> Alignment:
 
 def _said(
     pairs: Sequence[LandmarkPair],
-    automatic: Alignment | NotAligned,
-    used: Alignment | NotAligned,
+    automatic: SearchOutcome,
+    used: Alignment | None,
     fit: PairFit | None,
     radius_mm: float,
 ) -> ByHand:
-    found = automatic if isinstance(automatic, Alignment) else None
+    found = automatic.alignment
     before = None if found is None else residuals_mm(pairs, found, radius_mm)
-    after = residuals_mm(pairs, used, radius_mm) if isinstance(used, Alignment) else None
+    after = None if used is None else residuals_mm(pairs, used, radius_mm)
     turned = fit is not None and (
         found is None or (found.mirrored, found.z_reversed) != (fit.alignment.mirrored, fit.alignment.z_reversed)
     )
     return ByHand(
         corrected=fit is not None,
-        automatic=StoredAlignment.of(automatic if isinstance(automatic, Alignment) else automatic.best),
-        automatic_reason=None if isinstance(automatic, Alignment) else automatic.reason,
+        automatic=StoredAlignment.of(found or automatic.best),
+        automatic_reason=None if found else automatic.reason,
         scale_share=0.0 if fit is None else fit.scale_share,
         orientation_by_pairs=turned,
         moved=None if fit is None or found is None or turned else _moved(found, fit.alignment, pairs, radius_mm),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from endoct.base.compute.memory import give_back
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
-from endoct.fusion.comparison import compare_sides
+from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison, write_cells
@@ -102,8 +102,10 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         folder.begin([_pictured(*of) for of in zip(given.sources, ready, strict=True)])
     with stages.stage("align, segment, score"):
-        pairs, draw = () if landmarks is None else landmarks.pairs, folder.draw if folder else lambda _: None
-        comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
+        placed = place_sides(*sides, given.parameters, () if landmarks is None else landmarks.pairs)
+        if folder is not None:
+            folder.draw(placed)
+        comparison = score_placed(placed, given.parameters)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
@@ -226,7 +228,7 @@ class ComparisonFolder:
     def draw(self, placed: Placed) -> None:
         """Begin the figures of both sides as they were ``placed``, while scores are computed."""
         panoramas = [side.panorama for side in self.sides]
-        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
+        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.alignment is not None)
         self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
 
     def write(self, comparison: Comparison, against: Against) -> Mapping[str, tuple[str, ...]]:
