@@ -243,4 +243,5 @@ def _reached(valid: Mask) -> Mask:
 
 def _threshold(cells: Segmentation) -> Threshold:
     by_depth = None if cells.by_depth is None else DecidedByDepth(**asdict(cells.by_depth))
-    return Threshold(value=cells.threshold, unit=cells.unit, of=cells.of, by_depth=by_depth)
+    of = cells.of if cells.eye_declined is None else f"{cells.of}; {cells.eye_declined}"
+    return Threshold(value=cells.threshold, unit=cells.unit, of=of, by_depth=by_depth)

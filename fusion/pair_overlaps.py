@@ -4,7 +4,6 @@ from functools import partial
 
 from endoct.base.arrays import Mask
 from endoct.base.compute.parallel import at_once
-from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
@@ -64,7 +63,7 @@ def _above_li(side: Side, cells: Segmentation, parameters: CompareParameters) ->
     evidence = side.cell_evidence(parameters.segment, cells.polarity or given)
     if evidence.kind == "mask":
         return None
-    if evidence.kind == "relief" and parameters.segmentation_method == OURS and cells.threshold is not None:
+    if evidence.kind == "relief" and cells.by == "rules" and cells.threshold is not None:
         return cells.mask, cells.threshold  # found by nothing else
     try:
         found = above_li(evidence, parameters)

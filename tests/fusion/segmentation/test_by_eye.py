@@ -10,17 +10,10 @@ from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation import by_eye
-from endoct.fusion.segmentation.by_eye import (
-    NOT_SURE,
-    TOO_GRAINY,
-    check_eye,
-    expected_jaccard,
-    inputs_for,
-    is_familiar,
-    is_sure,
-)
+from endoct.fusion.segmentation.by_eye import cells_by_eye, check_eye, expected_jaccard, is_sure, view_of
 from endoct.fusion.segmentation.learned.network import Eye, save_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -37,6 +30,13 @@ def marked_side(noise: float) -> Side:
     return Side("endoscope", Panorama(grid, light, None, np.ones(shape, bool), np.ones(shape), "endoscope", True, True))
 
 
+def seen(side: Side) -> tuple[Segmentation, float]:
+    """Return the cells that our eye sees, and the Jaccard index that it expects."""
+    view = view_of(side, SegmentParameters())
+    assert view is not None
+    return cells_by_eye(view, SegmentParameters())
+
+
 def test_what_is_surely_cell_over_what_may_be() -> None:
     probability = np.array([[0.9, 0.7, 0.2, 0.0, 1.0]], np.float32)
     mask, valid = np.array([[1, 1, 0, 0, 0]], bool), np.array([[1, 1, 1, 1, 0]], bool)
@@ -51,10 +51,13 @@ def test_without_cells_all_is_well() -> None:
 @pytest.mark.parametrize(("noise", "familiar"), [(0.02, True), (0.3, False)])
 def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float, familiar: bool) -> None:
     side = marked_side(noise)
-    assert is_familiar(inputs_for(side, SegmentParameters())) == familiar
+    view = view_of(side, SegmentParameters())
+    assert view is not None
+    assert view.is_familiar == familiar
     found = segment_side(side, SegmentParameters(), "dark")
     assert ("learned eye for endoscope" in found.of) == familiar
-    assert found.of.endswith(TOO_GRAINY) != familiar
+    declined = None if familiar else "the wall is too grainy for the learned eye"
+    assert (found.by, found.eye_declined) == ("eye" if familiar else "rules", declined)
     assert (found.mask & CELL).sum() > 0.8 * CELL.sum()
     off = segment_side(side, SegmentParameters(eye="off"), "dark")
     assert "eye" not in off.of
@@ -65,9 +68,9 @@ def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> Non
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "SURE_EXPECTED", 0.0 if sure else 1.1)
     monkeypatch.setattr(by_eye, "LEAST_SHARED", 1.1)
-    assert is_sure(*by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
+    assert is_sure(*seen(side)) == sure
     found = segment_side(side, SegmentParameters(), "dark")
-    assert found.of.endswith(NOT_SURE) != sure
+    assert found.eye_declined == (None if sure else "the learned eye is not sure of this wall")
     assert not found.doubts
     assert (found.mask & CELL).sum() > 0.9 * CELL.sum()
 
@@ -107,9 +110,9 @@ def test_a_comparison_refuses_weights_for_neither_side(tmp_path: Path) -> None:
 def test_cells_that_the_eye_is_blind_to_are_left_to_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_PROBABILITY", 1.1)
-    assert not by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))[0].mask.any()
+    assert not seen(side)[0].mask.any()
     found = segment_side(side, SegmentParameters(), "dark")
-    assert found.of.endswith(NOT_SURE)
+    assert found.eye_declined == "the learned eye is not sure of this wall"
     assert found.mask.any()
 
 
@@ -119,6 +122,6 @@ def test_an_eye_that_expects_little_doubts_its_cells(
 ) -> None:
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", least)
-    cells, expected = by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))
-    assert [doubt.code for doubt in cells.doubts] == [by_eye.UNSURE] * doubted
+    cells, expected = seen(side)
+    assert [doubt.code for doubt in cells.doubts] == ["cells-unsure"] * doubted
     assert all(doubt.value == expected for doubt in cells.doubts)
