@@ -26,7 +26,7 @@ RADIUS_MM = 1.25
 BORE = Bore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))
 ANY_BORE = replace(BORE, orientations=ALL_ORIENTATIONS)
 START = Alignment(0.0, 0.0, confidence=0.5)
-FOUND = SearchOutcome(START)
+ALIGNED = SearchOutcome(START)
 PLACES = ((0.3, 1.0), (2.5, 7.0), (5.9, 13.0), (4.0, 19.0))
 
 
@@ -40,7 +40,7 @@ def placed(truth: Alignment, *places: tuple[float, float], off_mm: float = 0.0, 
 
 def test_a_single_pair_turns_and_shifts():
     pair = LandmarkPair(Place(0.2, 3.5), Place(6.2, 3.0))  # over θ = 0
-    judged = judge([pair], FOUND, BORE)
+    judged = judge([pair], ALIGNED, BORE)
     found = judged.outcome.alignment
     assert isinstance(found, Alignment)
     assert found.theta_shift_rad == pytest.approx(0.2 - 6.2 + 2 * np.pi)
@@ -56,7 +56,7 @@ def test_a_single_pair_turns_and_shifts():
 
 
 def test_the_error_of_a_single_pair_is_that_of_the_place():
-    judged = judge([LandmarkPair(Place(1.0, 5.0), Place(1.0, 5.0), sigma_mm=0.1)], FOUND, BORE)
+    judged = judge([LandmarkPair(Place(1.0, 5.0), Place(1.0, 5.0), sigma_mm=0.1)], ALIGNED, BORE)
     assert isinstance(judged.outcome.alignment, Alignment)
     covariance = np.array(judged.outcome.alignment.covariance)
     assert np.sqrt(covariance[0, 0]) * RADIUS_MM == pytest.approx(0.1)
@@ -108,7 +108,7 @@ def test_the_more_exact_pair_counts_more():
         *placed(truth, (1.0, 5.0), sigma_mm=0.02),
         *placed(truth, (1.0, 5.0), off_mm=0.4, sigma_mm=0.04),
     ]
-    found = judge(pairs, FOUND, BORE).outcome.alignment
+    found = judge(pairs, ALIGNED, BORE).outcome.alignment
     assert isinstance(found, Alignment)
     assert found.z_shift_mm == pytest.approx(1.0 + 0.4 / 5)  # weights 4 : 1
 
@@ -117,7 +117,7 @@ def test_check_pairs_check_and_change_nothing():
     truth = Alignment(0.1, 0.2)
     correct = placed(truth, *PLACES[:2])
     check = placed(truth, *PLACES[2:], off_mm=0.3, role="check")
-    with_check, without = judge([*correct, *check], FOUND, BORE), judge(correct, FOUND, BORE)
+    with_check, without = judge([*correct, *check], ALIGNED, BORE), judge(correct, ALIGNED, BORE)
     assert with_check.alignment == without.alignment
     assert without.said.check is None
     said = with_check.said.check
@@ -125,15 +125,15 @@ def test_check_pairs_check_and_change_nothing():
     assert (said.pairs, said.median_mm, said.max_mm) == (2, pytest.approx(0.3), pytest.approx(0.3))
     assert (said.along_max_mm, said.around_max_mm) == (pytest.approx(0.3), pytest.approx(0.0, abs=1e-9))
     assert [pair.after and pair.after.along_mm for pair in with_check.said.pairs[2:]] == pytest.approx([-0.3, -0.3])
-    alone = judge(check, FOUND, BORE)
-    assert alone.outcome == FOUND
+    alone = judge(check, ALIGNED, BORE)
+    assert alone.outcome == ALIGNED
     assert not alone.said.corrected
 
 
 def test_scattered_pairs_widen_the_error():
     truth = Alignment(0.0, 0.0)
     pairs = [*placed(truth, PLACES[0], PLACES[2], off_mm=0.4), *placed(truth, PLACES[1], PLACES[3], off_mm=-0.4)]
-    judged = judge(pairs, FOUND, BORE)
+    judged = judge(pairs, ALIGNED, BORE)
     assert judged.said.misfit is not None
     assert judged.said.misfit > 3
     assert isinstance(judged.outcome.alignment, Alignment)
@@ -184,7 +184,7 @@ def test_pairs_that_contradict_handedness_turn_what_is_open_and_are_refused_else
 def test_pairs_in_the_wrong_order_are_refused():
     one, two = placed(START, *PLACES[:2])
     with pytest.raises(EndoctError, match="cannot all be right"):
-        judge([replace(one, a=two.a), replace(two, a=one.a)], FOUND, BORE)
+        judge([replace(one, a=two.a), replace(two, a=one.a)], ALIGNED, BORE)
 
 
 @given(
