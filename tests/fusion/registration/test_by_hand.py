@@ -118,7 +118,7 @@ def test_check_pairs_check_and_change_nothing():
     correct = placed(truth, *PLACES[:2])
     check = placed(truth, *PLACES[2:], off_mm=0.3, role="check")
     with_check, without = judge([*correct, *check], ALIGNED, BORE), judge(correct, ALIGNED, BORE)
-    assert with_check.alignment == without.alignment
+    assert with_check.outcome == without.outcome
     assert without.said.check is None
     said = with_check.said.check
     assert said is not None
