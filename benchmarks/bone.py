@@ -18,8 +18,7 @@ from skimage.measure import marching_cubes, mesh_surface_area
 
 from endoct.modalities.ct.ct_volume import LABEL_SIGMA_VOXELS, read_ct
 from endoct.modalities.ct.trajectory import axes_at
-from endoct.synthetic.bone.field import resampled
-from endoct.synthetic.bone.lattice import Lattice
+from endoct.synthetic.bone.lattice import Lattice, resampled
 from endoct.synthetic.bone.network import air_on
 from endoct.synthetic.bone.patient import CHAMBER_MM, chambers, signed_distance
 from endoct.synthetic.draw import draw
