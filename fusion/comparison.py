@@ -38,7 +38,7 @@ from endoct.fusion.registration.align import (
     largest_cell_share,
     orientations_of,
 )
-from endoct.fusion.registration.by_hand import Bore, align_by_hand
+from endoct.fusion.registration.by_hand import KnownBore, align_by_hand
 from endoct.fusion.registration.rigidity import Part, parts_out_of_place
 from endoct.fusion.registration.twist import Twist, find_twist, untwisted
 from endoct.fusion.result import (
@@ -110,7 +110,7 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         doubts = tuple(doubts_by_method(outcome.alignment, ours.alignment, name, a, b) if outcome.alignment else ())
     by_hand: ByHand | None = None
     if pairs:
-        bore = Bore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
+        bore = KnownBore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
         judged = align_by_hand(a, b, outcome, pairs, bore)
         outcome, by_hand = judged.outcome, judged.said
     cells = segment_sides(a, b, outcome.alignment, parameters, parameters.polarity)

@@ -37,7 +37,7 @@ LEAST_FREE = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PoseFit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
     ``agreement`` is, by side, the correlation of what it shows near edges with what the CT has there.
@@ -71,7 +71,7 @@ def fit_pose(
     *,
     softness: Sequence[float] = SOFTNESS,
     leading: Sequence[bool] | None = None,
-) -> Fit:
+) -> PoseFit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
     Samples count less and less beyond residuals of ``softness``, in shares of air and in turn. ``leading`` says which
@@ -179,7 +179,7 @@ def _finished(
     at: torch.Tensor,
     levels: Sequence[tuple[float, float]],
     leading: Sequence[bool],
-) -> Fit:
+) -> PoseFit:
     """Return the fit with its covariance."""
     n = at.numel()
     covariance, of_axis, agreement = np.zeros((n, n)), [], []
@@ -195,7 +195,7 @@ def _finished(
             covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
     covariance[:SHARED, :SHARED] = _together(of_axis)
-    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement))
+    return PoseFit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement))
 
 
 def _together(each: Sequence[Coordinates]) -> Coordinates:

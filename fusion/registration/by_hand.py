@@ -128,7 +128,7 @@ def covariance_about(middle_mm: float, of_turn: float, of_place: float, of_scale
 
 
 @dataclass(frozen=True)
-class Bore:
+class KnownBore:
     """What is known of two sides before any pair: the radius, the orientations left open, the scales to search."""
 
     radius_mm: float
@@ -150,7 +150,7 @@ class Judged:
     said: ByHand
 
 
-def judge(pairs: Sequence[LandmarkPair], automatic: SearchOutcome, bore: Bore) -> Judged:
+def judge(pairs: Sequence[LandmarkPair], automatic: SearchOutcome, bore: KnownBore) -> Judged:
     """Return what ``pairs`` make of the ``automatic`` alignment, and its error by those that check it.
 
     The corrected alignment has no confidence of its own. Raises :class:`EndoctError` where pairs clearly contradict the
@@ -175,7 +175,7 @@ def judge(pairs: Sequence[LandmarkPair], automatic: SearchOutcome, bore: Bore) -
     return Judged(used, _said(pairs, automatic, used.alignment, fit, bore.radius_mm))
 
 
-def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[LandmarkPair], bore: Bore) -> Judged:
+def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[LandmarkPair], bore: KnownBore) -> Judged:
     """Return what ``pairs`` make of an alignment, as :func:`judge` does, with what both sides show where they put B.
 
     Raises :class:`EndoctError` as :func:`judge` does, and where the two share no wall there.
@@ -186,7 +186,7 @@ def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[La
     return replace(judged, outcome=SearchOutcome(_with_evidence(judged.outcome.alignment, a, b)))
 
 
-def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: Bore) -> PairFit:
+def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: KnownBore) -> PairFit:
     own = automatic.mirrored, automatic.z_reversed
     scale = replace(bore.scale, value=automatic.z_scale)
     if automatic.covariance and not _contradict(pairs, automatic, bore.radius_mm):
@@ -217,7 +217,7 @@ def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: 
     return bool(np.sqrt(np.mean((residuals_mm(pairs, automatic, radius_mm) / allowed_mm) ** 2)) > FAR_OFF)
 
 
-def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | None, str]:
+def _established(pairs: Sequence[LandmarkPair], bore: KnownBore) -> tuple[PairFit | None, str]:
     """Return the alignment by pairs alone; or None, and a sentence on what they lack, where they say too little."""
     is_open = len(bore.orientations) > 1
     fewest = FEWEST_FOR_ORIENTATION if is_open else FEWEST
@@ -232,7 +232,7 @@ def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | N
 
 
 def _in_every_orientation(
-    pairs: Sequence[LandmarkPair], orientations: Sequence[Orientation], bore: Bore
+    pairs: Sequence[LandmarkPair], orientations: Sequence[Orientation], bore: KnownBore
 ) -> list[PairFit]:
     return [fit_pairs(pairs, orientation, bore.radius_mm, bore.scale) for orientation in orientations]
 

@@ -48,7 +48,7 @@ them in both halves."""
 
 
 @dataclass(frozen=True)
-class Fit:
+class PartFit:
     """Where a part fits best, ``along_mm`` and ``around_mm`` from where the alignment puts it, and how it correlates.
 
     ``around_mm`` is known to a fraction of a sample. ``correlation`` is that there, and that where the alignment puts
@@ -94,7 +94,7 @@ def part_of(evidence: Evidence, where: Mask) -> Evidence:
     return replace(evidence, valid=evidence.valid & where)
 
 
-def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> Fit:
+def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> PartFit:
     """Return where ``part`` fits ``a`` best, both on one grid, within ``reach_mm`` along and ``reach_rad`` around."""
     rows, columns = round(reach_mm / STEP_MM), round(reach_rad / (2 * np.pi) * N_THETA)
     correlation = _correlations(a, part, rows, columns)
@@ -102,7 +102,7 @@ def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> 
     best, here = float(correlation[row, column]), float(correlation[rows, columns])
     three = correlation[row, max(0, column - 1) : column + 2]
     around = column - columns + float(vertex(*three) if three.size == 3 else 0.0)
-    return Fit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
+    return PartFit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
 
 
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
@@ -247,7 +247,7 @@ class _Fitted:
     kind: Literal["band", "sector"]
     first: float
     last: float
-    fit: Fit
+    fit: PartFit
     lone: bool = False  # whether it shows a single cell
 
     @property

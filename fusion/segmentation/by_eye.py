@@ -54,7 +54,7 @@ exact."""
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class EyeView:
     """What a learned eye, with its ``weights``, has before it to find the cells of a side, which are dark."""
 
     modality: str
@@ -83,7 +83,7 @@ def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
         )
 
 
-def view_of(side: Side, parameters: SegmentParameters) -> View | None:
+def view_of(side: Side, parameters: SegmentParameters) -> EyeView | None:
     """Return what a learned eye has before it; None where none was trained for ``side``, or its samples are coarse.
 
     Raises :class:`EndoctError` where the intensity is constant.
@@ -92,11 +92,11 @@ def view_of(side: Side, parameters: SegmentParameters) -> View | None:
     if max(grid.dz_mm, grid.dtheta_mm) > COARSEST_MM or (weights := weights_for(modality, parameters.eye)) is None:
         return None
     darkness, relief = side.contrast("dark"), side.parallax if parameters.by_depth else None
-    return View(modality, weights, darkness, relief, inputs_of(darkness, relief, LOOK_MM))
+    return EyeView(modality, weights, darkness, relief, inputs_of(darkness, relief, LOOK_MM))
 
 
 def cells_by_eye(
-    view: View, parameters: SegmentParameters, polarity_from: str | None = None
+    view: EyeView, parameters: SegmentParameters, polarity_from: str | None = None
 ) -> tuple[Segmentation, float]:
     """Return the cells that a learned eye sees, cleaned on the circle, and the Jaccard index that it expects of them.
 

@@ -29,8 +29,8 @@ from endoct.modalities.endoscope.tube_marks import (
     find_marks,
     on_tube,
 )
-from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import Pose, check_rings, clear_pose
+from endoct.modalities.tube.fitting import TubeFit
+from endoct.modalities.tube.locating import TubePose, check_rings, clear_pose
 from endoct.modalities.tube.measurement import (
     KeyValue,
     Measurement,
@@ -62,7 +62,7 @@ class _Fitted:
     """The model with its points, its fit, and where circles lie on the tube: z of frames' apex, and their turn."""
 
     model: TubeModel
-    fit: Fit
+    fit: TubeFit
     apex_mm: Coordinates
     turn_rad: Coordinates
 
@@ -97,7 +97,7 @@ def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, ta
     return _measurement(acquisition, calibration, darkness, pose, fitted)
 
 
-def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: Pose, target: Target) -> _Fitted:
+def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: TubePose, target: Target) -> _Fitted:
     optics, sign = calibration.optics, calibration.optics.rim_sign * pose.direction
     rims = optics.inner_px, optics.outer_px
     bore_mm, floor_mm, turn = on_tube(pose, calibration, darkness.r_px, target.ring_depth_mm)
@@ -145,7 +145,7 @@ def _measurement(
     acquisition: EndoscopeAcquisition,
     calibration: EndoscopeCalibration,
     darkness: Darkness,
-    pose: Pose,
+    pose: TubePose,
     fitted: _Fitted,
 ) -> Measurement:
     inward = pose.direction * (calibration.z_mm[-1] - calibration.z_mm[0]) > 0
@@ -233,7 +233,7 @@ def _feed(acquisition: EndoscopeAcquisition, fitted: _Fitted) -> tuple[float, fl
     return pitch_mm * abs(float(slope[0])), max(error, pitch_mm * float(np.sqrt(covariance[0, 0])))
 
 
-def _doubts(acquisition: EndoscopeAcquisition, pose: Pose, inward: bool, fitted: _Fitted) -> tuple[Doubt, ...]:
+def _doubts(acquisition: EndoscopeAcquisition, pose: TubePose, inward: bool, fitted: _Fitted) -> tuple[Doubt, ...]:
     doubts = list(doubts_of_travel(acquisition.travel, inward))
     if pose.sense < 0:
         doubts.append(

@@ -56,7 +56,7 @@ REACH_MM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class LitPlaces:
     """Places on the bone, float32 (n,) each.
 
     ``z_mm`` from the mirror's apex along the bore, ``theta_rad`` and ``radius_mm`` in the bore's frame; slopes ∂r/∂z
@@ -73,7 +73,7 @@ class Places:
     shade_behind: Image
 
 
-def direct(frame: FrameView, at: Places) -> tuple[Image, Image]:
+def direct(frame: FrameView, at: LitPlaces) -> tuple[Image, Image]:
     """Return the irradiance of places, and what it would be if they faced the light, float32 (n,) each.
 
     1 is the irradiance of the bore's wall, if it faced a source in the pinhole, in the middle of the annulus. Shadows
@@ -211,7 +211,7 @@ def bounced(frame: FrameView, wall: WallMaps, facets: Facets, shade: Image) -> B
     z_mm, theta_rad = facets.z_mm[part], facets.theta_rad[part]
     row = np.clip(z_mm / np.float32(wall.dz_mm), 0, wall.relief_mm.shape[0] - 1)
     before, behind = lookup_all(shade, row, theta_rad / np.float32(wall.dtheta_rad * EVERY_COLUMN))
-    at = Places(
+    at = LitPlaces(
         z_mm=z_mm - np.float32(frame.apex_mm),
         theta_rad=theta_rad,
         radius_mm=facets.radius_mm[part],

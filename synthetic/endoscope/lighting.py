@@ -15,7 +15,7 @@ from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.elementary import exp
 from endoct.synthetic.endoscope.cone import FrameView
 from endoct.synthetic.endoscope.facets import Facets, facets_of
-from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, Bounced, Places, bounced, direct, shade_of
+from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, Bounced, LitPlaces, bounced, direct, shade_of
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, follow, lookup, lookup_all, view, visible
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 
@@ -45,7 +45,7 @@ class Lighting:
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class LitSurface:
     """What the light of one frame falls on.
 
     ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
@@ -65,7 +65,7 @@ class Surface:
     lined: bool
 
 
-def light(frame: FrameView, lit: Surface, pixels: View, hits: Hits) -> Image:
+def light(frame: FrameView, lit: LitSurface, pixels: View, hits: Hits) -> Image:
     """Return the light that arrives at each pixel of a view, float32 (1 or 3, n).
 
     1 is bone at normal incidence, lit directly, in the middle of the annulus of a probe on the bore's axis.
@@ -77,7 +77,7 @@ def light(frame: FrameView, lit: Surface, pixels: View, hits: Hits) -> Image:
     deep_mm = np.maximum(hits.radius_mm - np.float32(frame.radius_mm), 0)
     z_mm = (hits.row + lit.first_row) * np.float32(lit.dz_mm)
     theta_rad = hits.column * np.float32(lit.dtheta_rad)
-    at = Places(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
+    at = LitPlaces(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
     diffuse, arriving = direct(frame, at)
     diffuse += lit.bounced.at(z_mm, theta_rad, hits.radius_mm)
     diffuse *= albedo
@@ -209,7 +209,7 @@ def lighting_of(sample: Sample, wall: WallMaps) -> Lighting:
     return replace(unset, gain=camera.exposure / level)
 
 
-def lit_frame(frame: FrameView, wall: WallMaps, lighting: Lighting) -> tuple[Visible, Surface]:
+def lit_frame(frame: FrameView, wall: WallMaps, lighting: Lighting) -> tuple[Visible, LitSurface]:
     """Return the rows of the wall that a frame can see, and what its light falls on there."""
     reached = visible(wall, frame)
     rows = slice(reached.first_row, reached.first_row + reached.relief_mm.shape[0])
@@ -218,7 +218,7 @@ def lit_frame(frame: FrameView, wall: WallMaps, lighting: Lighting) -> tuple[Vis
     for crumb in frame.camera.debris:
         _put(crumb, maps, wall, reached.first_row)
     wet = wall.wet[rows]
-    return reached, Surface(
+    return reached, LitSurface(
         maps=maps,
         shade=lighting.shade[rows],
         wet=wet if wet.any() else None,

@@ -39,7 +39,7 @@ from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide, frames_part
 from endoct.workbench.page.volume import has_volume
-from endoct.workbench.page.wall import Wall
+from endoct.workbench.page.wall import TileWall
 from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
 
@@ -142,7 +142,7 @@ def _spoken_against(heading: Heading) -> str:
     return "" if heading.verdict.level == "trusted" else heading.verdict.headline
 
 
-def _facts(file: Path, wall: Wall) -> tuple[Fact, ...]:
+def _facts(file: Path, wall: TileWall) -> tuple[Fact, ...]:
     written = time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
     return (
         ("written", written),

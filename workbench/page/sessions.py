@@ -33,7 +33,7 @@ from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place, SearchOutcome, residuals_mm
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
-from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
+from endoct.fusion.registration.by_hand import KnownBore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
 from endoct.stitching.store import PanoramaOutline, load_panorama
 from endoct.workbench.page.presence import Gone, Origin
@@ -120,7 +120,7 @@ class Sessions:
         }
         scales = self.parameters.z_scale_min, self.parameters.z_scale_max
         try:
-            judged = judge(pairs, self.automatic, Bore(radius_mm, orientations_of(*self.outlines), scales))
+            judged = judge(pairs, self.automatic, KnownBore(radius_mm, orientations_of(*self.outlines), scales))
         except EndoctError as error:
             return {"present": present, "by_hand": None, "said": [], "error": str(error)}
         said = []

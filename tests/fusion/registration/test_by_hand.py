@@ -20,10 +20,10 @@ from endoct.fusion.geometry.alignment import (
     as_covariance,
     residuals_mm,
 )
-from endoct.fusion.registration.by_hand import Bore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
+from endoct.fusion.registration.by_hand import KnownBore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
 
 RADIUS_MM = 1.25
-BORE = Bore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))
+BORE = KnownBore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))
 ANY_BORE = replace(BORE, orientations=ALL_ORIENTATIONS)
 START = Alignment(0.0, 0.0, confidence=0.5)
 ALIGNED = SearchOutcome(START)
