@@ -99,7 +99,7 @@ def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm
         views.append(msi_utils.get_msim_from_sim(view, scale_factors=[]))
     pairs = [(k, k + 1) for k in range(len(views) - 1)]
     with _quiet(), dask.config.set(scheduler="single-threaded"):
-        found = registration.register(
+        registered = registration.register(
             views,
             transform_key=key,
             new_transform_key="registered",
@@ -109,8 +109,8 @@ def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm
             groupwise_resolution_method="shortest_paths",
             return_dict=True,
         )
-    quality = found["pairwise_registration"]["metrics"]["qualities"]
-    moved = np.array([np.asarray(each, np.float64).reshape(3, 3)[:2, 2] for each in found["params"]])
+    quality = registered["pairwise_registration"]["metrics"]["qualities"]
+    moved = np.array([np.asarray(matrix, np.float64).reshape(3, 3)[:2, 2] for matrix in registered["params"]])
     shifts: list[Shift] = [
         (rows + float(y), float(x), float(np.ravel(quality[pair])[0]) > LEAST_QUALITY)
         for (y, x), pair in zip(np.diff(moved, axis=0), pairs, strict=True)
