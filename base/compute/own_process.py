@@ -48,7 +48,7 @@ def settle_in() -> None:
 
 
 class _Compiling:
-    """How many functions this process has compiled, and what is called once they are many."""
+    """Counts the functions that this process has compiled, and announces when there are many."""
 
     count = 0
     announce: Callable[[], None] | None = None
