@@ -28,7 +28,7 @@ BY_CHANCE = 0.005
 WIDEST_INTERVAL = 0.5
 """A Jaccard index with a wider interval says little."""
 FEW_DECIDE = 0.3
-"""A Jaccard index may change by so much without one or two of its cells."""
+"""How much a Jaccard index may change without one or two of its cells."""
 LARGEST_CELL = 0.9
 """An alignment rests on one outline alone where one cell holds a larger share of the area of all cells."""
 AT_LIMIT = 1e-4

@@ -28,12 +28,12 @@ SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
 LEAST_VARIANCE = 1e-3
-"""Residuals, in shares of air, have this variance at least: no two instruments see a cell more alike."""
+"""Least variance of residuals, in shares of air: no two instruments see a cell more alike."""
 ALIKE = 0.35
 """How alike two sides err that look for the same cells in the same CT. It is the correlation of their errors across the
 axis at the target, from 46 simulated bores of the preset 'patient', seeds 2000 to 2062."""
 LEAST_FREE = 1.0
-"""So many independent samples are left at least, beyond the parameters that they determine."""
+"""Least number of independent samples beyond the parameters that they determine."""
 
 
 @dataclass(frozen=True, eq=False)

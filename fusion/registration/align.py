@@ -190,7 +190,7 @@ def stretched(
 
 
 def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
-    """Return ``alignment`` without what always separates depth and light; what is left widens its covariance.
+    """Correct ``alignment`` for the offset that depth and light always have, and widen its covariance by the rest.
 
     Rays that meet the wall at a slant see a cell's near rim where it is. Before its far rim they see the wall below
     that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts. Its middle

@@ -35,13 +35,13 @@ from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
 FEWEST = 2
-"""So many pairs establish an alignment where none was found."""
+"""Number of pairs that establish an alignment where none was found."""
 FEWEST_FOR_ORIENTATION = 3
-"""So many pairs may also say which way around it is."""
+"""Number of pairs that may also decide the orientation."""
 DECISIVE = 16.0
-"""Least difference of χ² between two orientations that decides: four standard errors."""
+"""Least difference of χ² that decides between two orientations: four standard errors."""
 FAR_OFF = 2.0
-"""Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
+"""Pairs contradict the automatic alignment from this root mean square distance on, in standard errors."""
 CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
 
 

@@ -14,21 +14,22 @@ from endoct.fusion.registration.equations import MOVES, WAVES, Bending, Equation
 
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)
-"""Further blurs, for two sides that are both sampled no wider than that."""
+"""Further blurs, for two sides that are both sampled at least this finely."""
 SAMPLES_A_BLUR = (4, 1)
 """Samples in one sigma of a blur, of the side that is interpolated and of the one that is not."""
 ROUNDS = 12
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
 TONE, FINE_TONE = 1, 3
-"""Degree of the polynomial by which the values of one side depend on the other's. Gamma, saturation or a logarithm bend
-it, and so move fine edges. Where edges are wide anyway, a bent one would rather follow what the light's fit leaves."""
+"""Degree of the polynomial that maps one side's values to the other's, coarse and fine. Gamma, saturation or a
+logarithm bend it, which moves fine edges. Where edges are wide, a bent one would follow what the fit of the light
+leaves."""
 STILL, LAST_STILL = 1e-3, 1e-5
 """A step below this share of the blur ends a level; below the second, the last level. Below 1e-6 it is rounding."""
 MEMORY = 3
-"""The next step is extrapolated from the course of so many."""
+"""Number of steps from whose course the next one is extrapolated."""
 BOLDEST = 4.0
-"""An extrapolated step may go so many times as far as the plain one."""
+"""How many times as far as the plain step an extrapolated one may go."""
 
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:

@@ -34,9 +34,9 @@ LEAST_SAMPLES = 0.5
 """Share of a part's samples that must meet observed wall wherever it is compared."""
 SECTORS = 4
 FAR_MM = 0.16
-"""Parts that lie farther from where they should, around the bore or along it, are out of place."""
+"""A part that lies farther off than this, around the bore or along it, is out of place."""
 SAME_PLACE_MM = 0.16
-"""The place where a band belongs may differ by so much from that of the other band."""
+"""How far the place where a band fits may be from that of the other band, for the two to have changed places."""
 APART_MM = 0.1
 """Arcs that lie farther apart around the bore were turned. Those of 32 sound recordings (seeds 0–31) lie 0.074 mm apart
 at most. Those of turns with a step of 0.15 rad lie 0.11 to 0.20 mm apart, of 0.2 rad 0.16 mm and more (10 each)."""

@@ -16,7 +16,7 @@ from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.motion.feed import Feed
 
 DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
-"""Measured and nominal feed contradict each other from this difference on: relative, and in standard errors."""
+"""Measured and nominal feed contradict each other if they differ by more: relative, and in standard errors."""
 
 
 @dataclass(frozen=True, eq=False)

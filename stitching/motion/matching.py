@@ -30,7 +30,7 @@ LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
 LATEST = 8
-"""So many strips and spectra are held, so that each is read, and transformed, once for all its pairs."""
+"""Number of strips and spectra held, so that each is read and transformed once for all its pairs."""
 Windows = list[tuple[float, float]]
 
 

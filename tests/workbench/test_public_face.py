@@ -11,6 +11,11 @@ import pytest
 
 from endoct import workbench
 from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.modalities.reading.format import Format
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 from endoct.workbench import cli, compare, demo, export, pose, pose_outlook, simulate, summarise, unroll, verify
 from endoct.workbench.commands import completion_script
 from endoct.workbench.running.refusals import in_one_line
@@ -51,6 +56,10 @@ def test_examples_in_docstrings_run(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for function in PUBLIC:
         (example,) = finder.find(function, function.__name__, globs={})
         assert example.examples, f"{function.__name__} has no example"
+        runner.run(example, out=said.append)
+    for inner in (SurfaceGrid, Panorama, Evidence, Format, Alignment):  # these see the names of their modules
+        (example,) = finder.find(inner, inner.__name__)
+        assert example.examples, f"{inner.__name__} has no example"
         runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import tomli_w
+import tomlkit
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -93,7 +93,7 @@ def _toml(measured: Measurement, recording: Path, target: Path) -> str:
     ]
     keys = {name: _rounded(value) for name, value in measured.keys.items()}
     errors = {name: _significant(value) for name, value in measured.standard_errors.items()}
-    return "\n".join(lines) + "\n\n" + tomli_w.dumps({**keys, "standard_errors": errors})
+    return "\n".join(lines) + "\n\n" + tomlkit.dumps({**keys, "standard_errors": errors})
 
 
 def _rounded(value: object) -> object:

@@ -12,7 +12,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.modalities.endoscope.parallax.views import COLUMNS_A_BLOCK, UNKNOWN
 
 COST = 200
-"""A depth costs so much where frames have nothing in common there, and 0 where they are alike."""
+"""Cost of a depth at which frames have nothing in common; it is 0 where they agree."""
 UNSEEN = 255
 """Every depth costs this in a block that fewer than two frames see."""
 Costs = NDArray[np.uint8]
