@@ -75,6 +75,7 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"II*\0\x10\0\0\0CR", b"IIU\0", b"FUJIFILM"), "a raw photograph", _IMAGE),
     (_begins(b"%PDF-"), "a PDF", _IMAGE),
     (_begins(b"NRRD000"), "an NRRD volume", _EXPORT),
+    (_begins(b"\xa5\xa7\x7d\x0c"), "a Bioptigen OCT file", _EXPORT),
     (_begins(b"PK\3\4"), "a ZIP file", "unpack it"),
     (_begins(b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0"), "an archive", "unpack it"),
 )

@@ -66,8 +66,6 @@ class ImageStack:
         first = self._frame(0)
         self.frame_shape: tuple[int, ...] = first.shape
         self.dtype: np.dtype[Any] = first.dtype
-        if first.dtype not in SAMPLES or 0 in first.shape:
-            raise EndoctError(f"{path} holds no images", found=f"{first.dtype} {first.shape}", expected="numbers")
 
     def __len__(self) -> int:
         return self._n_frames

@@ -19,6 +19,9 @@ and who met them:
   request 147). There is one apodisation for all B-scans, or one for each (SpectralRadar.h).
 - ``SpeckleAveraging/SlowAxis`` claims 1 although every place was recorded several times; repeats follow each other
   (WinetraubLab/myOCT, pull request 146).
+- A negative ``SizeReal/SizeY`` says that what is counted along y are repeats of one place (MyYo/myOCT,
+  ``yOCTLoadInterfFromFile_ThorlabsHeader.m``).
+- Members may be missing, or empty, after a copy that failed (WinetraubLab/myOCT, pull request 101).
 - Names of members are separated by ``\\`` or by ``/`` (readers differ in what they expect).
 - ``RangeZ`` is the depth of the image, of raw spectra too, whose ``SizeZ`` counts twice as many samples as the image
   has: 1.6558 mm, 2048 samples and a pixel of 1.617 µm in a public copy of a GAN632's header. The refractive index is

@@ -2,7 +2,10 @@
 
 import functools
 import re
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -90,11 +93,10 @@ def _is_thorlabs(path: Path, _: object) -> bool:
     start = read_start(path, 100)
     if not start.startswith(ZIP_START):
         return False
-    try:
+    header = None
+    with suppress(EndoctError):
         header = list_members(path).get(HEADER)
-        if header is None:
-            return False
-    except EndoctError:  # cut off, so that nothing lists its members
+    if header is None:  # cut off, so that nothing lists its members, or packed again without it
         return _FIRST_MEMBER.match(start[30:]) is not None
     try:
         data = read_member(header, MOST_HEADER_BYTES)
@@ -118,13 +120,17 @@ def _container(path: Path, _: object) -> Container:
             f"{path} is not read", found=f"samples in the order {header.axis_order[:20]}", expected="ZXY, depth fastest"
         )
     raw = [file for key, file in listed.items() if _SPECTRAL.fullmatch(key) and file.kind.startswith("Raw")]
-    raw.sort(key=lambda file: int(file.key.removeprefix("data/spectral").removesuffix(".data")))
+    raw.sort(key=_number)
     for key, kind, dtype in ((INTENSITY, "Real", np.dtype("<f4")), (COMPLEX, "Complex", np.dtype("<c8"))):
         if key in listed and listed[key].kind == kind:
             return _processed(path, header, members, listed[key], dtype, len(raw))
     if raw:
         return _raw(path, header, members, raw)
     raise _nothing_read(path, header)
+
+
+def _number(file: DataFile) -> int:
+    return int(file.key.removeprefix("data/spectral").removesuffix(".data"))
 
 
 def _processed(
@@ -143,6 +149,9 @@ def _processed(
     remarks = NONE
     if n_raw:
         remarks += Remarks(notes=("The file holds B-scans and raw spectra; the B-scans were read.",))
+    if (header.slices_mm or 0) < 0:
+        bscans, on_places = _one_a_place(path, bscans, header)
+        remarks += on_places
     if n_bscans != file.size_y:
         remarks += _miscounted(path, n_bscans, file.size_y)
     kind: Kind = "complex" if dtype.kind == "c" else "real"
@@ -151,6 +160,10 @@ def _processed(
 
 def _raw(path: Path, header: Header, members: dict[str, Member], files: list[DataFile]) -> Container:
     n_samples = files[-1].size_z
+    gaps = [(before, after) for before, after in pairwise(map(_number, files)) if after != before + 1]
+    if gaps:
+        found = "no spectra between {} and {}".format(*gaps[0])
+        raise EndoctError(f"{path} is incomplete", found=found, remedy="copy or export it again")
     if {file.size_z for file in files} != {n_samples} or n_samples % 2:
         sizes = sorted({file.size_z for file in files})
         raise EndoctError(
@@ -227,7 +240,7 @@ def _regions(file: DataFile, header: Header, path: Path, *, all_in_one: bool) ->
     return [((at, at + block - n_ascans), (at + block - n_ascans, at + block)) for at in starts]
 
 
-def _one_a_place(path: Path, bscans: list[BScan], header: Header) -> tuple[tuple[BScan, ...], Remarks]:
+def _one_a_place(path: Path, bscans: Sequence[BScan], header: Header) -> tuple[tuple[BScan, ...], Remarks]:
     """Return the first B-scan of every place; the others are not averaged, as turns do not begin at one angle."""
     n, places, stated = len(bscans), header.size_y or 1, header.bscans_averaged
     repeats = stated if n == places * stated else n // places if places > 1 and n % places == 0 else 1

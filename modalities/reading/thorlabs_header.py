@@ -67,21 +67,25 @@ def read_header(data: bytes, subject: str) -> Header:
         raise EndoctError(f"{subject} is no header of a ThorImage file", found=root.tag[:80], expected=ROOT)
     read = _Fields(root, subject)
     signed = read.text("Instrument/RawDataIsSigned").lower()
+    size_y, slices_mm = read.whole("Image/SizePixel/SizeY"), read.length("Image/SizeReal", "SizeY")
+    averaged = read.whole("Acquisition/IntensityAveraging/BScans") or 1
+    averaged *= read.whole("Acquisition/SpeckleAveraging/SlowAxis") or 1
+    if slices_mm is not None and slices_mm < 0:  # what is counted along y are repeats of one place
+        size_y, averaged = 1, size_y or 1
     return Header(
         data_files=tuple(_data_file(element, subject) for element in root.findall("DataFiles/DataFile")),
         mode=read.text("MetaInfo/AcquisitionMode"),
         size_z=read.whole("Image/SizePixel/SizeZ"),
         size_x=read.whole("Image/SizePixel/SizeX"),
-        size_y=read.whole("Image/SizePixel/SizeY"),
+        size_y=size_y,
         depth_mm=read.length("Image/SizeReal", "SizeZ"),
         depth_pixel_mm=read.length("Image/PixelSpacing", "SizeZ"),
-        slices_mm=read.length("Image/SizeReal", "SizeY"),
+        slices_mm=slices_mm,
         axis_order=read.text("Image/AxisOrder"),
         refractive_index=read.number("Acquisition/RefractiveIndex"),
         spectra_averaged=read.whole("Acquisition/IntensityAveraging/Spectra") or 1,
         ascans_averaged=read.whole("Acquisition/IntensityAveraging/AScans") or 1,
-        bscans_averaged=(read.whole("Acquisition/IntensityAveraging/BScans") or 1)
-        * (read.whole("Acquisition/SpeckleAveraging/SlowAxis") or 1),
+        bscans_averaged=averaged,
         apodisation_ascans=read.whole("Acquisition/ActualSizeOfApodization"),
         is_signed={"true": True, "false": False}.get(signed),
         sample_bytes=read.whole("Instrument/BytesPerPixel"),
