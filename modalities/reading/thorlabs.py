@@ -45,7 +45,8 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.thorlabs_file import NAME, AScans, BScan, Container, alike, is_thorlabs, open_container
+from endoct.modalities.reading.thorlabs_depth import alike
+from endoct.modalities.reading.thorlabs_file import NAME, AScans, BScan, Container, is_thorlabs, open_container
 
 LEAST_DB = -100.0
 """Samples made of complex ones, which may be 0, are no darker than this."""
@@ -91,12 +92,7 @@ def open_recording(files: Files) -> Recording:
                 expected="one .oct, or one for every stop of a pullback",
                 remedy="keep each recording in a folder of its own",
             )
-        if (each.kind, each.n_samples, each.dtype, each.n_ascans) != (
-            first.kind,
-            first.n_samples,
-            first.dtype,
-            first.n_ascans,
-        ):
+        if _shape(each) != _shape(first):
             raise EndoctError(
                 f"{each.path} differs from {first.path.name}",
                 found=_shape(each),

@@ -50,7 +50,7 @@ def test_what_is_not_there_and_what_is_no_volume_is_said(tmp_path: Path, volume:
     (tmp_path / "ct.nii").symlink_to(tmp_path / "gone.nii")
     assert "found a link that leads nowhere" in refusal(lambda: read_ct(tmp_path / "ct.nii"))
     np.save(tmp_path / "ct.npy", volume.voxels)
-    assert "ct.npy is no volume; found .npy" in refusal(lambda: read_ct(tmp_path / "ct.npy"))
+    assert "ct.npy is no volume; found no DICOM, NIfTI" in refusal(lambda: read_ct(tmp_path / "ct.npy"))
     Image.fromarray(volume.voxels[0] > 0).save(tmp_path / "ct.png")
     (tmp_path / "ct.png").rename(tmp_path / "ct.nrrd")
     assert "no DICOM, NIfTI, NRRD or MetaImage by its content" in refusal(lambda: read_ct(tmp_path / "ct.nrrd"))
