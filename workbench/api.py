@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import output_if_any
 from endoct.modalities.device import check_device
-from endoct.modalities.registry import load_ahead
+from endoct.modalities.recognition import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.simulating import demonstrate

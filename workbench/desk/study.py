@@ -11,8 +11,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import cv2
-
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME, kind_of
 from endoct.base.files.files import exists, inside, leads_below, path_text, read_start
@@ -20,10 +18,11 @@ from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
 from endoct.modalities.reading.recording import gives_frames
+from endoct.modalities.recognition import recognise
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import is_panorama
 from endoct.workbench.page.wall import NoSuchTile
-from endoct.workbench.pipeline.information import describe, recognise, side_by_side
+from endoct.workbench.pipeline.information import describe_recording
 from endoct.workbench.pipeline.sources import is_mask_image
 from endoct.workbench.pipeline.unread import MOST_ASKED, Unread, accompanies
 from endoct.workbench.running.outputs import POSE, SPECIMEN
@@ -176,11 +175,11 @@ def inputs_in(folder: Path, unread: Unread) -> Iterator[Input]:
             why = f"not looked at: {len(files)} files lie in its folder, and no {SIDECAR_NAME}"
             for path in files:
                 unread.add(path.relative_to(folder).as_posix(), path, why)
+        elif files and not exists(here / SIDECAR_NAME) and is_volume(here):
+            yield Input(here.relative_to(folder).as_posix(), here, "volume")
         elif (recording := _recording(folder, here)) is not None:
             yield recording
             continue
-        elif files and is_volume(here):
-            yield Input(here.relative_to(folder).as_posix(), here, "volume")
         else:
             yield from _single_files(folder, files, unread)
         if depth < DEEPEST:
@@ -188,32 +187,18 @@ def inputs_in(folder: Path, unread: Unread) -> Iterator[Input]:
     raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
 
 
-def picture_of(recording: Path) -> bytes:
-    """Return a PNG of the first, the middle and the last frame of a recording as its files hold them.
-
-    Raises :class:`EndoctError` where it cannot be read, or its plug-in gives no pictures.
-    """
-    preview = recognise(recording).sniff.preview
-    if preview is None or not preview.pictures:
-        raise EndoctError(f"the plug-in that reads {recording} gives no pictures before it is opened")
-    picture = side_by_side(preview.pictures)
-    return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
-
-
 def _recording(folder: Path, path: Path) -> Input | None:
     """Return the recording at ``path``; None where there is none."""
     name = path.relative_to(folder).as_posix()
-    has_sidecar = path.is_dir() and exists(path / SIDECAR_NAME)
     try:
-        if not has_sidecar:
-            recognise(path)
-    except EndoctError:
-        return None
+        recognised = recognise(path)
+    except EndoctError as error:
+        has_sidecar = path.is_dir() and exists(path / SIDECAR_NAME)
+        return Input(name, path, "recording", fault=str(error)) if has_sidecar else None
     try:
-        facts = describe(path)
+        return Input(name, path, "recording", describe_recording(recognised))
     except EndoctError as error:
         return Input(name, path, "recording", fault=str(error))
-    return Input(name, path, "recording", facts) if facts["kind"] == "recording" else None
 
 
 def _single_files(folder: Path, files: list[Path], unread: Unread) -> Iterator[Input]:

@@ -16,7 +16,6 @@ from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError, NotSeen, refusing
 from endoct.base.files.files import State, check_unchanged, digests, state_of
-from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import (
@@ -32,6 +31,7 @@ from endoct.modalities.contract import (
 from endoct.modalities.device import Device
 from endoct.modalities.illustration import illustrated
 from endoct.modalities.reading.remarks import remarks_of
+from endoct.modalities.recognition import recognise
 from endoct.stitching.panorama import Panorama, doubts_of_observed
 from endoct.stitching.store import save_notes, save_panorama
 from endoct.workbench.pipeline.recipes import with_recipe
@@ -110,10 +110,10 @@ def open_recording(
     where the recording, its sidecar, the recipe or a setting cannot be used.
     """
     files = state_of(path)  # taken before any of it is read
-    of_path = registry.manifest_for(path, modality)
-    overrides, parameters = split(with_recipe(recipe, of_path.name, settings or {}), of_path)
-    manifest, stream = registry.open_recording(path, modality=modality, overrides=overrides, device=device)
-    return Recording(path, files, manifest, stream, parameters, device)
+    recognised = recognise(path, modality)
+    manifest = recognised.manifest
+    overrides, parameters = split(with_recipe(recipe, manifest.name, settings or {}), manifest)
+    return Recording(path, files, manifest, recognised.open(overrides, device), parameters, device)
 
 
 def _travel_by_default(acquisition: Acquisition) -> Mapping[str, str]:
