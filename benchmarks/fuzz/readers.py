@@ -120,9 +120,9 @@ def _drawing(path: Path) -> None:
 
 def _mask(path: Path) -> None:
     from endoct.fusion.files.masks import read_mask
-    from endoct.workbench.pipeline.sources import is_mask_image
+    from endoct.workbench.kinds import is_mask
 
-    is_mask_image(path)
+    is_mask(path)
     read_mask(path, _drawn_on())
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.contents import kind_of
 from endoct.base.files.files import entries, exists, is_folder, leads_below, path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.recognition import recognise
@@ -21,6 +20,7 @@ from endoct.workbench.desk.runs import command_line
 from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study
+from endoct.workbench.kinds import output_at
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
@@ -59,7 +59,7 @@ class OpenFolder:
         """Return the report of a pose, which has no page. Raises :class:`NoSuchTile` where there is none."""
         place = self.folder / name
         path = place / "report.html"
-        there = leads_below(self.folder, place) and exists(place) and kind_of(place) == POSE
+        there = leads_below(self.folder, place) and exists(place) and output_at(place) == POSE
         if not there or path.is_symlink() or not path.is_file():
             raise NoSuchTile("there is no such report", found=name[:80])
         return read_small(path, REPORT_BYTES)

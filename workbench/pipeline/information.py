@@ -16,16 +16,15 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import exists, path_text
 from endoct.base.files.output import new_output
 from endoct.fusion.files.result_file import read_result
-from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.contract import FrameStream, Manifest, Preview
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.recognition import Recognised, recognise
 from endoct.modalities.registry import manifests
-from endoct.stitching.store import is_panorama, load_panorama
+from endoct.stitching.store import load_panorama
+from endoct.workbench.kinds import KINDS, RECORDING, kind_at, output_at, reader
 from endoct.workbench.pipeline.sidecar_template import missing_lines
 from endoct.workbench.pipeline.unread import texts_in, unread_next_to
-from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 from endoct.workbench.running.outputs import THUMBNAIL
 
 _KEY_WIDTH = 18
@@ -57,33 +56,41 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
 
     Raises :class:`EndoctError` where it is none of them.
     """
-    if (path / "result.json").is_file():
-        result = read_result(path)
-        return {
-            "kind": "comparison",
-            "sides": list(result.sides),
-            "aligned": result.aligned,
-            "reason": result.reason,
-            "jaccard": result.jaccard,
-            "dice": result.dice,
-            "doubts": [doubt.to_json() for doubt in result.doubts],
-        }
-    if is_panorama(path):
-        panorama = load_panorama(path)
-        return {
-            "kind": "panorama",
-            "modality": panorama.modality,
-            "rows": panorama.grid.n_z,
-            "columns": panorama.grid.n_theta,
-            "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
-            "depth": panorama.depth_mm is not None,
-            "valid_fraction": float(panorama.valid.mean()),
-            "doubts": [doubt.to_json() for doubt in panorama.doubts],
-            "notes": list(panorama.notes),
-        }
-    if modality is None and not exists(sidecar_path(path)) and is_volume_or_plan(path):
-        return describe_volume(path)
-    return describe_recording(recognise(path, modality))
+    kind = output_at(path) or (kind_at(path) if modality is None else RECORDING)
+    row = KINDS.get(kind)
+    if row is None or not row.described:
+        return describe_recording(recognise(path, modality))
+    return reader(row.described)(path)  # type: ignore[no-any-return]
+
+
+def describe_comparison(path: Path) -> dict[str, object]:
+    """Return what a comparison found. Raises :class:`EndoctError` where it cannot be read."""
+    result = read_result(path)
+    return {
+        "kind": "comparison",
+        "sides": list(result.sides),
+        "aligned": result.aligned,
+        "reason": result.reason,
+        "jaccard": result.jaccard,
+        "dice": result.dice,
+        "doubts": [doubt.to_json() for doubt in result.doubts],
+    }
+
+
+def describe_panorama(path: Path) -> dict[str, object]:
+    """Return what a panorama holds. Raises :class:`EndoctError` where it is damaged."""
+    panorama = load_panorama(path)
+    return {
+        "kind": "panorama",
+        "modality": panorama.modality,
+        "rows": panorama.grid.n_z,
+        "columns": panorama.grid.n_theta,
+        "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+        "depth": panorama.depth_mm is not None,
+        "valid_fraction": float(panorama.valid.mean()),
+        "doubts": [doubt.to_json() for doubt in panorama.doubts],
+        "notes": list(panorama.notes),
+    }
 
 
 def in_lines(facts: Mapping[str, object]) -> Iterator[str]:

@@ -11,23 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
-from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.masks import read_mask, stored_mask
-from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
 from endoct.fusion.geometry.placement import check_same_bore
-from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.device import Device
-from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import is_panorama, load_panorama
+from endoct.stitching.store import load_panorama
+from endoct.workbench.kinds import MASK, kind_at
 from endoct.workbench.pipeline.recipes import check_made_by
 from endoct.workbench.pipeline.settings import parse
 from endoct.workbench.pipeline.unrolling import Recording, Unrolled, open_recording, unroll_recording
+from endoct.workbench.running.outputs import PANORAMA
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
 
@@ -127,27 +123,6 @@ def read_sides(made: tuple[Ready, Ready]) -> tuple[Side, Side]:
     return two_sides(_read(a, b), _read(b, a))
 
 
-def is_mask_image(path: Path) -> bool:
-    """Whether ``path`` is a mask drawn by hand, not a recording.
-
-    Outlines; one image of at most two values, or of whole numbers of 32 bits and more, which are labels; a Zarr store
-    of labels.
-    """
-    if path.is_dir():
-        return is_label_store(path) and not is_panorama(path) and not sidecar_path(path).is_file()
-    if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
-        return True
-    if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
-        return False
-    stack = open_stack(path)
-    if len(stack) != 1:
-        return False
-    stored = stack.stored(0)
-    if stored.ndim == 3 and stored.shape[2] in (2, 4) and (stored[..., -1] == 0).any():
-        return True  # drawn on a transparent ground
-    return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
-
-
 @contextmanager
 def _arguments_of(side: str) -> Iterator[None]:
     """Have remedies that name arguments for one recording name those of a side: ``settings_a`` for ``settings``."""
@@ -160,23 +135,22 @@ def _arguments_of(side: str) -> Iterator[None]:
 
 def open_source(source: Source) -> Opened:
     """Open one source. Raises :class:`EndoctError` where it cannot be used."""
-    path = source.path
-    unrolled, mask = path is None or is_panorama(path), path is not None and is_mask_image(path)
+    kind = PANORAMA if isinstance(source.given, Panorama) else kind_at(source.given)
     given = [f"modality {source.modality}"] * (source.modality is not None) + list(source.settings)
-    if (unrolled or mask) and given:
+    if kind in (PANORAMA, MASK) and given:
         raise EndoctError(
-            f"{source.path or 'a side'} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
+            f"{source.path or 'a side'} is a {kind}, which is compared as it is",
             found=f"set for that side: {', '.join(given)}",
             expected="settings for recordings only",
             remedy="leave them out, or compare the recording itself",
         )
-    if isinstance(source.given, Panorama) or unrolled:
+    if isinstance(source.given, Panorama) or kind == PANORAMA:
         panorama = source.given if isinstance(source.given, Panorama) else load_panorama(source.given)
         drawn = stored_mask(panorama)
         if drawn is None:
             check_made_by(source.recipe, panorama)
         return drawn or panorama
-    if mask:
+    if kind == MASK:
         return source.given
     return open_recording(
         source.given,

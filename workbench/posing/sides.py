@@ -7,6 +7,7 @@ from pathlib import Path
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.kinds import is_comparison
 from endoct.workbench.pipeline.sources import Opened, Ready, Source, open_both, open_source, unroll_sources
 from endoct.workbench.pipeline.unrolling import Recording, Unrolled, unroll_recording
 from endoct.workbench.running.progress import Stages
@@ -47,20 +48,16 @@ def side_of_comparison(source: Source) -> Source:
     """
     if source.path is None:
         return source
-    if _is_comparison(source.path):
+    if is_comparison(source.path):
         names = ", ".join(f"{source.path}:{name}" for name in _names(source.path))
         raise EndoctError(f"{source.path} is a comparison of two sides", expected=names, remedy="name one of them")
     folder, _, name = str(source.path).rpartition(":")
-    if source.path.exists() or not folder or not _is_comparison(Path(folder)):
+    if source.path.exists() or not folder or not is_comparison(Path(folder)):
         return source
     if name not in (names_there := _names(Path(folder))):
         expected = ", ".join(names_there) or "panoramas in it"
         raise EndoctError(f"the comparison {folder} has no such side", found=name, expected=expected)
     return replace(source, given=Path(folder) / "panoramas" / f"{name}.zarr")
-
-
-def _is_comparison(folder: Path) -> bool:
-    return (folder / "comparison.zarr").is_dir()
 
 
 def _names(folder: Path) -> list[str]:
