@@ -38,14 +38,16 @@ MOST_FOLDERS = 50_000
 class Kind:
     """What may lie at a path: ``is_at`` tells it by its mark. Its readers are "module:function", "" where it has none.
 
-    Attributes: ``title`` in lists; ``described``, what `endoct info` says of a path; ``listed``, what a table of
-    outputs says; ``shown``, its page; ``pictured``, its thumbnail; ``has_recordings``: in the folders below.
+    Attributes: ``title`` in lists; ``described``, what `endoct info` says of a path; ``loaded``, what Python gets;
+    ``listed``, what a table of outputs says; ``shown``, its page; ``pictured``, its thumbnail; ``has_recordings`` in
+    the folders below.
     """
 
     name: str
     is_at: Callable[[Path], bool]
     title: str = ""
     described: str = ""
+    loaded: str = ""
     listed: str = ""
     shown: str = ""
     pictured: str = ""
@@ -89,6 +91,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                 is_comparison,
                 title="comparison",
                 described=f"{_INFORMATION}:describe_comparison",
+                loaded="endoct.fusion.files.store:load_compared",
                 listed=f"{_COLLECTION}:listed_comparison",
                 shown=f"{_OPENING}:shown_comparison",
                 pictured=f"{_COLLECTION}:pictured_page",
@@ -98,6 +101,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                 is_panorama,
                 title="recording",
                 described=f"{_INFORMATION}:describe_panorama",
+                loaded="endoct.stitching.store:load_panorama",
                 listed=f"{_COLLECTION}:listed_panorama",
                 shown=f"{_OPENING}:shown_panorama",
                 pictured=f"{_COLLECTION}:pictured_page",
@@ -111,7 +115,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                 has_recordings=True,
             ),
             Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
-            Kind(POSE, lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE),
+            Kind(
+                POSE,
+                lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE,
+                loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
+            ),
             Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
             Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
             Kind(MASK, is_mask),

@@ -27,6 +27,7 @@ from endoct.workbench.dataset.set_files import (
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
 from endoct.workbench.kinds import output_at
+from endoct.workbench.requests import VerifyRequest, by_request
 from endoct.workbench.running.outputs import DATA_SET, DATA_SET_FILE, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
 
@@ -58,7 +59,8 @@ class Verdict:
         return {**of, "intact": self.intact, **lists}
 
 
-def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]:
+@by_request(VerifyRequest)
+def verify(request: VerifyRequest) -> list[Verdict]:
     """Check every byte of an output of endoct against the digests noted when it was written.
 
     ``path`` is a panorama, a comparison, a report, an export, a summary, results of the bench, a specimen, a data set
@@ -71,7 +73,7 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
     >>> {verdict.kind: verdict.intact for verdict in verify("demo")}
     {'comparison': True, 'specimen': True}
     """
-    path, stages = Path(path), stages_for(progress)
+    path, stages = Path(request.path), stages_for(request.progress)
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
     if has_mark(path):

@@ -39,6 +39,17 @@ def calibrate(request: CalibrateRequest) -> Measurement:
     Arguments are those of :class:`~endoct.workbench.requests.CalibrateRequest`. The figure lies next to ``output``, by
     the same name with ``.png``. Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does
     not show the tube's marks, or the tube's diameter contradicts it. Nothing is written in these cases.
+
+    A bore of another diameter than the tube's is refused at once; with the specimen of
+    :func:`~endoct.workbench.api.demo`'s example:
+
+    >>> from endoct.workbench import calibrate
+    >>> from endoct.workbench.calibrating.printed_tube import write_tube
+    >>> tube = write_tube("tube", bore_diameter_mm=4.0)
+    >>> calibrate("oct", "demo/specimen/oct", target="tube/tube.toml", output="calibration.toml")
+    Traceback (most recent call last):
+        ...
+    endoct.base.errors.EndoctError: the diameter in the sidecar is not that of the tube; ...
     """
     recording, target, output = Path(request.recording), Path(request.target), Path(request.output)
     modality, overwrite, stages = request.modality, request.overwrite, stages_for(request.progress)
