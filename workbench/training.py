@@ -36,10 +36,10 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.specimen_files import write_endoscope
 from endoct.synthetic.truth import write_truth
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
-from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.requests import TrainRequest, by_request
 from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import SilentStages, stages_for
+from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")
 """Bores are drawn from these in turn."""

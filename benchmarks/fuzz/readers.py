@@ -85,7 +85,7 @@ def _settings(path: Path) -> None:
     from endoct.fusion.comparison import CompareParameters
     from endoct.modalities.acquisition import validate
     from endoct.modalities.registry import manifests
-    from endoct.workbench.pipeline.settings import parse, parse_vary, split
+    from endoct.workbench.settings import parse, parse_vary, split
 
     if not path.is_file():  # no damage to settings, which come from a command line
         return

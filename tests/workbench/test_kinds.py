@@ -21,10 +21,9 @@ from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
 from endoct.workbench.page.collection import entries_in
 from endoct.workbench.page.opening import can_be_shown
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.sources import Source, open_source
 from endoct.workbench.pipeline.unread import Unread
-from endoct.workbench.posing.sides import side_of_comparison
 from endoct.workbench.running.outputs import DATA_SET, POSE
+from endoct.workbench.sides.sources import Source, open_source, side_of_comparison
 from endoct.workbench.verifying import verify
 
 PLAN = {"@schema": "https://raw.githubusercontent.com/slicer/markups-schema-v1.0.3.json#", "markups": []}

@@ -27,7 +27,6 @@ from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll
 from endoct.workbench.commands.research import Bench, Train
 from endoct.workbench.commands.simulations import Simulate
-from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (
     BenchRequest,
     CalibrateRequest,
@@ -44,6 +43,7 @@ from endoct.workbench.requests import (
     VerifyRequest,
     by_request,
 )
+from endoct.workbench.settings import parse, parse_place, parse_vary
 
 COMMANDS = {
     Unroll: UnrollRequest,

@@ -25,10 +25,10 @@ from endoct.workbench.bench.results.result_tables import (
 from endoct.workbench.bench.results.score_summary import Difference, by_word, differences, score_names
 from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
-from endoct.workbench.pipeline.settings import listed_names, range_text
 from endoct.workbench.requests import BenchRequest, by_request
 from endoct.workbench.running.outputs import BENCH_RESULTS
 from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.settings import listed_names, range_text
 
 MOST_LISTED = 20
 

@@ -17,10 +17,10 @@ from endoct.modalities.recognition import Recognised, recognise
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target, read_target
 from endoct.workbench.exporting.mark import BLANK, is_marked, mark
-from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.requests import CalibrateRequest, by_request
 from endoct.workbench.running.outputs import CALIBRATION, versions
 from endoct.workbench.running.progress import stages_for
+from endoct.workbench.settings import parse, split
 
 SAME_DIAMETER = 0.02
 """The sidecar's bore and the tube's are the same where they differ by less than this share."""

@@ -40,7 +40,7 @@ class Compare(CompareRequest):
     def __call__(self) -> int:
         """Compare, print the result, and return the exit status."""
         from endoct.workbench import api
-        from endoct.workbench.pipeline.settings import parse
+        from endoct.workbench.settings import parse
 
         settings = parse(self.settings) | ({"force": True} if self.force else {})
         api.compare(replace(self, settings=settings, progress=command_stages(self.json)))

@@ -97,7 +97,7 @@ class Submit:
         """Run the methods, print what was written, and return the exit status."""
         from endoct.workbench.bench.program import parse_programs
         from endoct.workbench.bench.published.submission import submit
-        from endoct.workbench.pipeline.settings import listed_names
+        from endoct.workbench.settings import listed_names
 
         submission = submit(
             self.data,
@@ -143,7 +143,7 @@ def check(
     """
     from endoct.workbench.bench.program import parse_programs
     from endoct.workbench.bench.published.submission import check as run
-    from endoct.workbench.pipeline.settings import listed_names
+    from endoct.workbench.settings import listed_names
 
     if sample < 1:
         raise EndoctError("--sample must be at least 1", found=str(sample))

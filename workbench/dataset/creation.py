@@ -31,10 +31,10 @@ from endoct.workbench.dataset.set_files import (
     top_file,
 )
 from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
-from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.outputs import DATA_SET_FILE
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
+from endoct.workbench.settings import ranges_text
 
 LOCK_NAME = ".lock"
 TOP_FILES = (DATA_SET_FILE, "LICENSE", "README.md", MANIFEST, SHEET)

@@ -13,8 +13,8 @@ from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.dataset.set_files import RECORDS, made_beyond, top_file
-from endoct.workbench.pipeline.settings import ranges_text
 from endoct.workbench.running.outputs import DATA_SET_FILE, versions
+from endoct.workbench.settings import ranges_text
 
 LICENCE = "CC0-1.0"
 FOLDERS = "specimens", "shards", RECORDS

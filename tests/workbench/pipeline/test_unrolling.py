@@ -15,8 +15,8 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.recognition import Recognised
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.unrolling import _travel_by_default, open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import _travel_by_default, open_recording, unroll_recording
 
 
 def test_a_path_unrolls_as_an_opened_recording(short: Path) -> None:
