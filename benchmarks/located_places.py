@@ -19,8 +19,8 @@ from endoct.modalities.contract import Places
 from endoct.modalities.illustration import illustrated
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.pipeline.truth import TruePose, load_truth, true_pose
-from endoct.workbench.pipeline.unrolling import Unrolled, open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import Unrolled, open_recording, unroll_recording
 
 EVERY = 7
 """Pixel, of those in a row and in a column."""

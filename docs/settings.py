@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.workbench.pipeline.recipes import RECIPES
+from endoct.workbench.sides.recipes import RECIPES
 
 HEAD = """<!-- Made by python docs/settings.py from the parameters themselves; do not edit. -->
 

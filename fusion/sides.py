@@ -17,12 +17,15 @@ from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import contrast_of
-from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.notebook import card, class_picture, draw_wall, new_wall_axes, wall_picture
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
+IMAGES = ("intensity", "depth_mm", "mask", "valid")
+"""What a comparison holds of either side, in its store and in xarray."""
 COLOURS = ((0xF4, 0xF4, 0xF2), (0x3A, 0x3A, 0x3A), (0xE6, 0x9F, 0x00), (0x00, 0x72, 0xB2))
 """Red, green and blue for neither, both, only A and only B: Okabe and Ito's, for colour-blind readers too."""
 
@@ -165,6 +168,21 @@ class Comparison:
         return f"Jaccard index {overlap.jaccard:.3f}" + (
             f" ({low_high[0]:.3f} to {low_high[1]:.3f})" if low_high else ""
         )
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the comparison as ``xarray.open_zarr`` reads its store: dims (side, z, theta), in mm and rad.
+
+        Variables ``intensity``, ``depth_mm``, NaN where a side has none, ``mask``, its cells, and ``valid``.
+        """
+        import xarray
+
+        dims = ("side", "z", "theta")
+        images = {name: (dims, np.stack([getattr(side, name) for side in self.sides])) for name in IMAGES}
+        places = {
+            "z": ("z", self.grid.z_mm, {"units": "mm"}),
+            "theta": ("theta", self.grid.theta_rad, {"units": "rad"}),
+        }
+        return xarray.Dataset(images, {"side": list(self.names), **places}, grid_attributes(self.grid))
 
     def plot(self) -> "list[Axes]":
         """Plot both sides, and where aligned their cells, in a new figure; return the axes, side A's first.

@@ -22,7 +22,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import digests
 from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture, Seen
 from endoct.modalities.illustration import illustrated
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.store import PanoramaOutline
 
 State = Literal["unread", "reading", "read", "failed"]
