@@ -23,7 +23,7 @@ def readonly(values: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
 def read_view(array: NDArray[T]) -> NDArray[T]:
     """Return a view of ``array`` that cannot be written.
 
-    Loops are compiled once for arrays that can be written and once for others: this makes all of them alike.
+    Compiled loops differ for writable and read-only arrays; with read-only views alone, one of them is enough.
     """
     view = array.view()
     view.flags.writeable = False

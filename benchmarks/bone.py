@@ -18,13 +18,12 @@ from skimage.measure import marching_cubes, mesh_surface_area
 
 from endoct.modalities.ct.ct_volume import LABEL_SIGMA_VOXELS, read_ct
 from endoct.modalities.ct.trajectory import axes_at
-from endoct.synthetic.bone.field import resampled
-from endoct.synthetic.bone.lattice import Lattice
+from endoct.synthetic.bone.lattice import Lattice, resampled
 from endoct.synthetic.bone.network import air_on
 from endoct.synthetic.bone.patient import CHAMBER_MM, chambers, signed_distance
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.parameters import Sample
-from endoct.workbench.pipeline.settings import parse_vary
+from endoct.workbench.settings import parse_vary
 
 STEP_MM, HALF_MM, LENGTH_MM, RADIUS_MM = 0.1, 4.0, 14.0, 1.25
 BEHIND_MM = 1.0

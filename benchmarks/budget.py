@@ -33,7 +33,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.pipeline.truth import Pose, TrueMap, Truth, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import TrueMap, TruePose, Truth, load_truth, true_cells, true_pose
 
 
 def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
@@ -47,10 +47,10 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     truth, grid, valid = load_truth(specimen), comparison.grid, comparison.sides[0].valid & comparison.sides[1].valid
     pose_a, pose_b = true_pose(a, truth), true_pose(b, truth)
 
-    def fine(pose: Pose, where: Alignment) -> Mask:
+    def fine(pose: TruePose, where: Alignment) -> Mask:
         return _cells_at(truth, pose.z_bore(where.z_to_b(grid.z_mm)), pose.theta_bore(where.theta_to_b(grid.theta_rad)))
 
-    def sampled(side: Panorama, pose: Pose, where: Alignment) -> Mask:
+    def sampled(side: Panorama, pose: TruePose, where: Alignment) -> Mask:
         mask = true_cells(truth, pose, side)
         return Placement.averaging(side.grid, where, grid).mask(mask, np.ones_like(mask))[0]
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import tomli_w
+import tomlkit
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -47,10 +47,10 @@ def state(recording: Path, stated: dict[str, object], calibration: Path | None) 
         known = tomllib.loads(calibration.read_text(encoding="utf-8"))
         for table in (known, known["standard_errors"]):
             table.pop("theta_origin_rad", None)  # the truth of the bore counts from where the recording starts
-        (recording / calibration.name).write_text(tomli_w.dumps(known), encoding="utf-8")
+        (recording / calibration.name).write_text(tomlkit.dumps(known), encoding="utf-8")
         stated = {name: value for name, value in stated.items() if name not in known}
         stated["calibration"] = calibration.name
-    (recording / SIDECAR).write_text(tomli_w.dumps(stated), encoding="utf-8")
+    (recording / SIDECAR).write_text(tomlkit.dumps(stated), encoding="utf-8")
 
 
 def scale_error(specimen: Path, side: str, cache: Path) -> float:

@@ -38,7 +38,7 @@ from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.alignment import orientations_between
-from endoct.workbench.pipeline.truth import Pose, TrueMap, load_truth, true_pose
+from endoct.workbench.pipeline.truth import TrueMap, TruePose, load_truth, true_pose
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))
 RIGHT_RAD, RIGHT_MM = np.deg2rad(5), 0.2
@@ -84,7 +84,7 @@ def aligned(pairing: Pairing, cache_folder: Path) -> Row:
     return row | {"right": pairing.a == pairing.b and _is_right(best, TrueMap(a.z_mm, *poses), b.z_mm)}
 
 
-def _cut(a: Evidence, b: Evidence, poses: tuple[Pose, Pose], share: float) -> tuple[Evidence, Evidence]:
+def _cut(a: Evidence, b: Evidence, poses: tuple[TruePose, TruePose], share: float) -> tuple[Evidence, Evidence]:
     """Return both cut along z to one length, as large as can be, of which they share ``share``."""
     z = poses[0].z_bore(a.z_mm), poses[1].z_bore(b.z_mm)
     low, high = max(z[0].min(), z[1].min()), min(z[0].max(), z[1].max())

@@ -18,9 +18,9 @@ import xarray as xr
 from endoct.modalities.contract import Places
 from endoct.modalities.illustration import illustrated
 from endoct.synthetic.specimen import simulate
-from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
-from endoct.workbench.pipeline.unrolling import Unrolled, open_recording, unroll_recording
+from endoct.workbench.pipeline.truth import TruePose, load_truth, true_pose
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import Unrolled, open_recording, unroll_recording
 
 EVERY = 7
 """Pixel, of those in a row and in a column."""
@@ -97,13 +97,13 @@ def _short(step: np.ndarray, label: str) -> np.ndarray:
     return np.stack([np.mod(step[:, 0] + np.pi, 2 * np.pi) - np.pi, step[:, 1]], axis=1)
 
 
-def _unrolled(path: Path) -> tuple[Unrolled, Pose]:
+def _unrolled(path: Path) -> tuple[Unrolled, TruePose]:
     made = unroll_recording(open_recording(path), SilentStages())
     return made, true_pose(made.panorama, load_truth(path.parent))
 
 
-def _z_of_panorama(pose: Pose, z_bore_mm: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Return z in the panorama, continued beyond the first and last frame as :meth:`Pose.z_bore` is."""
+def _z_of_panorama(pose: TruePose, z_bore_mm: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """Return z in the panorama, continued beyond the first and last frame as :meth:`TruePose.z_bore` is."""
     there, here = pose.z_bore_mm[order], pose.z_panorama_mm[order]
     inner = np.interp(z_bore_mm, there, here)
     slope = np.sign(here[-1] - here[0])

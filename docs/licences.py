@@ -1,4 +1,4 @@
-"""Writes `docs/reference/licences.md` from what is installed; to be run after a change of a dependency."""
+"""Writes `THIRD_PARTY.md`, a file of the wheel, from what is installed; to be run after a change of a dependency."""
 
 import re
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 
 from packaging.requirements import Requirement
 
-PAGE = Path(__file__).parent / "reference" / "licences.md"
+PAGE = Path(__file__).parents[1] / "THIRD_PARTY.md"
 EXTRAS = {"shards", "fiji", "ct", "pose", "rivals", "cuda", "learn"}
 LONGEST = 60
 COPYLEFT = {

@@ -12,24 +12,65 @@ from pydantic.fields import FieldInfo
 from endoct.fusion.parameters import CompareParameters
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.workbench.pipeline.recipes import RECIPES
+from endoct.workbench.sides.recipes import RECIPES
 
 HEAD = """<!-- Made by python docs/settings.py from the parameters themselves; do not edit. -->
 
 # Settings
 
-Everything that `--set`, `--set-a` and `--set-b` take, with the values that are used unless you give others. The
-defaults are what all published figures were obtained with. A key of a recording's [sidecar](sidecar.md) can be replaced
-in the same way. Words that you do not know are in the [glossary](glossary.md).
+    endoct unroll specimen/oct -o oct.zarr --set undistort=sine
+    endoct compare specimen/endoscope specimen/oct -o result --set tolerance_mm=0.05 --set-b wall=maximum
+
+| option | changes, for one run |
+|---|---|
+| `unroll … --set KEY=VALUE` | a key of the [sidecar](sidecar.md), or a setting of the unrolling |
+| `compare … --set KEY=VALUE` | a setting of the comparison |
+| `compare … --set-a`, `--set-b` | as `unroll --set`, for the first and the second side |
+
+A misspelt key is an error that suggests the nearest one. `result.json` and the panorama record what was used. Published
+figures were obtained with the defaults.
 """
 PARTS: dict[str, type[BaseModel]] = {
     "The comparison: `endoct compare … --set KEY=VALUE`": CompareParameters,
     "An OCT recording: `endoct unroll … --set`, `endoct compare … --set-a`, `--set-b`": OctParameters,
     "An endoscope's recording: likewise": EndoscopeParameters,
 }
-RECIPES_HEAD = """## Recipes
+MIDDLE = """## Another method
 
-`--recipe NAME` of `endoct compare` and `endoct unroll` stands for these settings. What is set besides wins over them.
+Any method that `endoct bench segmentation`, `alignment` or `stitching` [ranks](../how-to/bench.md) can replace endoct's
+own, by `segmentation_method`, `alignment_method` or `feed_method`:
+
+    endoct compare specimen/endoscope specimen/oct -o other --set segmentation_method=otsu-prepared
+
+So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names the method, since endoct cannot judge how far
+to trust it.
+
+## Settings that raise the score
+
+Two settings, off by default, raise the score by themselves. Each is recorded and raises a doubt.
+
+- `--force` accepts the best alignment however little it stands out. Scores obtained so say nothing by themselves.
+- `--set correct_twist=true` rotates each of B's rows to where it fits A best. The result has the index without and with
+  it (`twist.jaccard_without`, `jaccard_with`); all other scores are with it.
+
+## The paper's pipeline
+
+    endoct compare specimen/endoscope specimen/oct -o literal --recipe paper
+
+is the chain of Laves et al. 2019, literally. Every B-scan is shifted by its sine, the index of the maximum is the
+depth, and turns are taken for even. Li's threshold finds the cells of both sides, and the Jaccard index compares them.
+
+- `endoct unroll` takes `--recipe paper` too. In Python, and in the forms of `endoct open`, it is `recipe`.
+- An OCT panorama that was unrolled otherwise is refused.
+- The paper's own endoscopic cells were drawn by hand: give such [a mask](../how-to/masks.md) as side A.
+- The paper says nothing of smoothing, of removing small cells, or of the bounds of relief. They stay as they are.
+
+Without a recipe, too, every comparison states the index [by Li's threshold
+alone](../explanation/scores.md#by-lis-threshold-alone).
+
+## Recipes
+
+A recipe stands for these settings; `--set`, `--set-a` and `--set-b` win over it.
 
 | recipe | of | settings |
 |---|---|---|"""
@@ -45,7 +86,7 @@ def table() -> str:
             default = "" if field.default is None else f"`{str(field.default).lower()}`"
             blocks.append(f"| `{name}` | {default} | {_description(field).replace('|', chr(92) + '|')} |")
         blocks.append("")
-    blocks.append(RECIPES_HEAD)
+    blocks.append(MIDDLE)
     for name, parts in RECIPES.items():
         for part, settings in parts.items():
             said = ", ".join(f"`{key}={str(value).lower()}`" for key, value in settings.items())

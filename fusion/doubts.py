@@ -13,12 +13,12 @@ from scipy.special import stdtrit
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
 from endoct.fusion.registration.rigidity import Part
-from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, PlacedPair, Result
+from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, PairScores, PlacedPair
 from endoct.stitching.panorama import LEAST_VALID_SHARE, Panorama
 
 LEAST_DRIFT_MM = 0.1
@@ -28,7 +28,7 @@ BY_CHANCE = 0.005
 WIDEST_INTERVAL = 0.5
 """A Jaccard index with a wider interval says little."""
 FEW_DECIDE = 0.3
-"""A Jaccard index may change by so much without one or two of its cells."""
+"""How much a Jaccard index may change without one or two of its cells."""
 LARGEST_CELL = 0.9
 """An alignment rests on one outline alone where one cell holds a larger share of the area of all cells."""
 AT_LIMIT = 1e-4
@@ -47,12 +47,10 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
 
 
-def doubts_by_method(
-    alignment: Alignment, ours: Alignment | NotAligned, name: str, a: Side, b: Side
-) -> Iterator[Doubt]:
-    """Yield the doubt about an ``alignment`` by the method ``name``, with how far from ``ours`` it is."""
+def doubts_by_method(alignment: Alignment, ours: Alignment | None, name: str, a: Side, b: Side) -> Iterator[Doubt]:
+    """Yield the doubt about an ``alignment`` by the method ``name``, with how far it is from ``ours``, if any."""
     what = f"The alignment is that of the method '{name}'; endoct does not judge how far it can be trusted."
-    if isinstance(ours, NotAligned):
+    if ours is None:
         yield Doubt("aligned-by-method", f"{what} Its own search finds none.")
         return
     if (ours.mirrored, ours.z_reversed) != (alignment.mirrored, alignment.z_reversed):
@@ -140,23 +138,22 @@ def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: st
         yield Doubt("handedness-contradicted", what)
 
 
-def doubts_of_result(result: Result) -> Iterator[Doubt]:
-    """Yield what the scores of an aligned comparison say against it."""
-    if result.valid_fraction < LEAST_VALID_SHARE:
-        what = f"Both sides observed only {result.valid_fraction:.1%} of the wall over the length that they share."
-        share = result.valid_fraction
-        yield Doubt("little-observed-by-both", what, value=share, unit="1", expected=(LEAST_VALID_SHARE, 1.0))
-    yield from _of_score(result.overlap)
-    if drift := result.scores.drift if result.scores else None:
-        yield from _of_drift(drift)
-    if result.overlap is None or result.overlap.is_empty:
+def doubts_of_scores(valid_fraction: float, scores: PairScores) -> Iterator[Doubt]:
+    """Yield what the scores of an aligned comparison say against it; both sides observed ``valid_fraction``."""
+    if valid_fraction < LEAST_VALID_SHARE:
+        what = f"Both sides observed only {valid_fraction:.1%} of the wall over the length that they share."
+        yield Doubt("little-observed-by-both", what, value=valid_fraction, unit="1", expected=(LEAST_VALID_SHARE, 1.0))
+    yield from _of_score(scores.grid)
+    if scores.drift:
+        yield from _of_drift(scores.drift)
+    if scores.grid.is_empty:
         what = "Neither side shows a cell where both observed the wall, so there is nothing to score."
         yield Doubt("nothing-to-score", what)
 
 
-def _of_score(overlap: Overlap | None) -> Iterator[Doubt]:
+def _of_score(overlap: Overlap) -> Iterator[Doubt]:
     """Yield the doubts about a Jaccard index that could be anything, or that one or two cells decide."""
-    if overlap is None or overlap.is_empty or overlap.jaccard is None:
+    if overlap.is_empty or overlap.jaccard is None:
         return
     if (low_high := overlap.jaccard_interval) and low_high[1] - low_high[0] > WIDEST_INTERVAL:
         what = (

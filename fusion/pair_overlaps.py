@@ -4,11 +4,10 @@ from functools import partial
 
 from endoct.base.arrays import Mask
 from endoct.base.compute.parallel import at_once
-from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.placement import Placement, Sampling
+from endoct.fusion.geometry.placement import Placement
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import ByLi, Overlap, OwnRows
 from endoct.fusion.scoring.overlap import Surface, find_sites, overlap
@@ -29,33 +28,27 @@ def on_own_rows(both: tuple[Side, Side], masks: tuple[Mask, Mask], alignment: Al
     return OwnRows(rows_of=b.name, **dict(_overlap(one, Surface("", masks[1], b.panorama.valid), b.grid)))
 
 
-def by_li(
-    both: tuple[Side, Side],
-    cells: tuple[Segmentation, Segmentation],
-    samplings: tuple[Sampling, Sampling],
-    placed: Placed,
-    parameters: CompareParameters,
-) -> ByLi | None:
+def by_li(placed: Placed, parameters: CompareParameters) -> ByLi | None:
     """Return how far two aligned sides overlap if the cells of both are what Li's threshold alone makes of them.
 
-    ``cells`` are those that were found, ``placed`` has both on the common grid, as ``samplings`` say. None where a
-    side is a mask, or all of its evidence is alike: there is nothing to threshold.
+    None where a side is a mask, or all of its evidence is alike: there is nothing to threshold.
     """
-    a, b = at_once(*(partial(_above_li, *each, parameters) for each in zip(both, cells, strict=True)))
+    both = placed.both
+    a, b = at_once(*(partial(_above_li, *each, parameters) for each in zip(both, placed.cells, strict=True)))
     if a is None or b is None:
         return None
 
     def again(k: int, mask: Mask) -> Surface:
         """Return a side on the common grid with ``mask``, on its own samples, for its cells."""
         shown = placed.sides[k]
-        if mask is cells[k].mask:
+        if mask is placed.cells[k].mask:
             return shown
-        onto_grid = samplings[k].onto(placed.grid)
+        onto_grid = placed.samplings[k].onto(placed.grid)
         return Surface(shown.name, onto_grid.mask(mask, both[k].panorama.valid)[0], shown.valid)
 
     return ByLi(
         grid=_overlap(again(0, a[0]), again(1, b[0]), placed.grid),
-        own_rows=on_own_rows(both, (a[0], b[0]), samplings[1].where),
+        own_rows=on_own_rows(both, (a[0], b[0]), placed.samplings[1].where),
         threshold={both[0].name: a[1], both[1].name: b[1]},
     )
 
@@ -70,7 +63,7 @@ def _above_li(side: Side, cells: Segmentation, parameters: CompareParameters) ->
     evidence = side.cell_evidence(parameters.segment, cells.polarity or given)
     if evidence.kind == "mask":
         return None
-    if evidence.kind == "relief" and parameters.segmentation_method == OURS and cells.threshold is not None:
+    if evidence.kind == "relief" and cells.by == "rules" and cells.threshold is not None:
         return cells.mask, cells.threshold  # found by nothing else
     try:
         found = above_li(evidence, parameters)

@@ -1,6 +1,7 @@
 """Two sides on one grid: what a comparison of two panoramas gives."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,19 +9,23 @@ import numpy as np
 from endoct.base.arrays import Image, Mask, readonly
 from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, SearchOutcome
 from endoct.fusion.geometry.placement import Sampling
-from endoct.fusion.result import Result
+from endoct.fusion.registration.twist import Twist
+from endoct.fusion.result import ByHand, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import contrast_of
-from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.notebook import card, class_picture, draw_wall, new_wall_axes, wall_picture
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
 
+IMAGES = ("intensity", "depth_mm", "mask", "valid")
+"""What a comparison holds of either side, in its store and in xarray."""
 COLOURS = ((0xF4, 0xF4, 0xF2), (0x3A, 0x3A, 0x3A), (0xE6, 0x9F, 0x00), (0x00, 0x72, 0xB2))
 """Red, green and blue for neither, both, only A and only B: Okabe and Ito's, for colour-blind readers too."""
 
@@ -71,12 +76,35 @@ class PlacedSide(Surface):
 class Placed:
     """Both sides on one ``grid`` in side A's frame, A first, before they are scored.
 
-    Where they are not ``aligned``, B lies by its nominal orientation.
+    Attributes
+    ----------
+    sides: as they lie on the grid; B by its nominal orientation where no ``outcome`` aligned it.
+    both, cells, samplings: each on its own samples, its cells there, and how these lie in A's frame.
+    outcome, by_hand, doubts: where B lies, what landmark pairs say of that, and what speaks against a method.
+    notes: what is to be known, by side.
+    twist: by what B's rows were turned, and the Jaccard index without that; None where nothing was.
     """
 
     grid: SurfaceGrid
     sides: tuple[PlacedSide, PlacedSide]
-    aligned: bool
+    both: tuple[Side, Side]
+    cells: tuple[Segmentation, Segmentation]
+    samplings: tuple[Sampling, Sampling]
+    outcome: SearchOutcome
+    by_hand: ByHand | None = None
+    doubts: tuple[Doubt, ...] = ()
+    notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    twist: tuple[Twist, float | None] | None = None
+
+    @property
+    def alignment(self) -> Alignment | None:
+        """Where B lies in A's frame; None where that could not be found."""
+        return self.outcome.alignment
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the sides, A first."""
+        return self.sides[0].name, self.sides[1].name
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +168,21 @@ class Comparison:
         return f"Jaccard index {overlap.jaccard:.3f}" + (
             f" ({low_high[0]:.3f} to {low_high[1]:.3f})" if low_high else ""
         )
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the comparison as ``xarray.open_zarr`` reads its store: dims (side, z, theta), in mm and rad.
+
+        Variables ``intensity``, ``depth_mm``, NaN where a side has none, ``mask``, its cells, and ``valid``.
+        """
+        import xarray
+
+        dims = ("side", "z", "theta")
+        images = {name: (dims, np.stack([getattr(side, name) for side in self.sides])) for name in IMAGES}
+        places = {
+            "z": ("z", self.grid.z_mm, {"units": "mm"}),
+            "theta": ("theta", self.grid.theta_rad, {"units": "rad"}),
+        }
+        return xarray.Dataset(images, {"side": list(self.names), **places}, grid_attributes(self.grid))
 
     def plot(self) -> "list[Axes]":
         """Plot both sides, and where aligned their cells, in a new figure; return the axes, side A's first.

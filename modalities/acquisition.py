@@ -246,15 +246,21 @@ def read_keys(recording: Path) -> dict[str, Any]:
     Raises :class:`EndoctError` where a file is not TOML, or the calibration file is missing or not in that folder.
     """
     path = sidecar_path(recording)
-    if not exists(path):
+    keys = read_toml(path) if exists(path) else {}
+    return {**keys, **cited_keys(path, keys)}
+
+
+def cited_keys(sidecar: Path, keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of the calibration next to ``sidecar`` that its ``keys`` cite; {} where they cite none.
+
+    Raises :class:`EndoctError` where it cannot be read, or a key stands in both.
+    """
+    if not isinstance(name := keys.get("calibration"), str):
         return {}
-    keys = read_toml(path)
-    if isinstance(name := keys.get("calibration"), str):
-        extra = read_toml(inside(path.parent, name, f"'calibration' in {path}"))
-        if both := sorted(keys.keys() & extra.keys()):
-            raise EndoctError(f"{', '.join(both)} stands in both {path} and {name}", remedy="keep it in one of them")
-        keys |= extra
-    return keys
+    cited = read_toml(inside(sidecar.parent, name, f"'calibration' in {sidecar}"))
+    if both := sorted(keys.keys() & cited.keys()):
+        raise EndoctError(f"{', '.join(both)} stands in both {sidecar} and {name}", remedy="keep it in one of them")
+    return cited
 
 
 def validate(

@@ -9,8 +9,7 @@ from endoct.modalities.contract import Frame, Modality, Picture, Places, Seen
 from endoct.stitching.strip import Strip
 
 COLUMNS = 1440
-"""So many places lie around a row where a frame shows a single row of the wall. Of several rows, each has a quarter of
-them."""
+"""Number of places around a row where a frame shows a single row of the wall. Several have a quarter each."""
 ROWS = 9
 
 

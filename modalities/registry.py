@@ -1,20 +1,17 @@
 """Which plug-ins are installed, and which of them reads a path."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from shlex import quote
-from typing import Any, get_args
+from typing import get_args
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import exists, plain_name
-from endoct.modalities.acquisition import SIDECAR_NAME, abridged, overridden, read_keys, sidecar_path, validate
-from endoct.modalities.contract import Certainty, FrameStream, Manifest, Sniff, import_cause
-from endoct.modalities.device import Device
+from endoct.modalities.acquisition import SIDECAR_NAME, abridged, read_keys, sidecar_path
+from endoct.modalities.contract import Certainty, Manifest, Sniff, import_cause
 from endoct.modalities.reading.recording import refusal_of, stated_by
-from endoct.modalities.stated import stated_keys
 
 GROUP = "endoct.modalities"
 SUREST_FIRST: tuple[Certainty, ...] = get_args(Certainty)
@@ -46,28 +43,36 @@ def manifests() -> Mapping[str, Manifest]:
 
 
 def manifest_for(path: Path, modality: str | None = None) -> Manifest:
-    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else the one its files state.
-
-    Where nothing says it, it is the plug-in that claims ``path`` with the greatest certainty.
+    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else what :func:`reader_of` says.
 
     Raises :class:`EndoctError` where there is none, or two claim it and are equally sure.
     """
+    return reader_of(path, lambda: modality or read_keys(path).get("modality"))[0]
+
+
+def reader_of(path: Path, stated: Callable[[], object]) -> tuple[Manifest, Sniff | None]:
+    """Return the plug-in that reads ``path``, and what it says of that, if it was asked.
+
+    It is the one that ``stated`` names, else the one that the path's own files state. Where nothing says it, it is the
+    plug-in that claims ``path`` with the greatest certainty. Raises :class:`EndoctError` where there is none, or two
+    claim it and are equally sure.
+    """
     if not exists(path):
         raise EndoctError(f"{path} does not exist", remedy="check the path")
-    name = modality or read_keys(path).get("modality")
+    name = stated()
     if name is not None and not isinstance(name, str):
         raise EndoctError(f"'modality' in {sidecar_path(path)} is no name", found=abridged(name), expected="a text")
-    if name is None and (stated := stated_by(path).keys.get("modality")) in manifests():
-        name = stated
+    if name is None and (said := stated_by(path).keys.get("modality")) in manifests():
+        name = said
     if name is not None:
         if name not in manifests():
             raise EndoctError(f"unknown modality '{name[:80]}'", expected=f"one of {', '.join(manifests())}")
-        return manifests()[name]
+        return manifests()[name], None
     verdicts = {name: sniffed(path, manifest) for name, manifest in manifests().items()}
     claimed = {name: SUREST_FIRST.index(verdict.certainty) for name, verdict in verdicts.items() if verdict.claims}
     claims = [name for name, rank in claimed.items() if rank == min(claimed.values())]
     if len(claims) == 1:
-        return manifests()[claims[0]]
+        return manifests()[claims[0]], verdicts[claims[0]]
     if claims:
         raise EndoctError(
             f"{path} could be {' or '.join(claims)}",
@@ -85,41 +90,6 @@ def manifest_for(path: Path, modality: str | None = None) -> Manifest:
         if inside
         else "see `endoct modalities` for what can be read; where you know what it is, say so with modality='NAME'",
     )
-
-
-def load_ahead(path: Path, modality: str | None) -> None:
-    """Load the plug-in that reads ``path``, where there is one: in a process that has nothing else to do yet."""
-    with suppress(EndoctError):  # whoever opens the recording says what is wrong with it
-        manifest_for(path, modality).load()
-
-
-def open_recording(
-    path: Path,
-    *,
-    modality: str | None = None,
-    overrides: Mapping[str, Any] | None = None,
-    device: Device = "cpu",
-) -> tuple[Manifest, FrameStream]:
-    """Open ``path`` with its plug-in; ``overrides`` replace keys of the sidecar ("table.key": one of a table).
-
-    ``device`` is where frames are computed, as far as the plug-in can do that elsewhere than on the CPU.
-
-    Raises :class:`EndoctError` where the recording or its sidecar cannot be used.
-    """
-    manifest = manifest_for(path, modality)
-    overrides = dict(overrides or {})
-    stated = stated_keys(path, manifest.acquisition).keys
-    keys = overridden({**stated, **read_keys(path), "modality": manifest.name}, overrides)
-    sidecar = sidecar_path(path)
-    if not exists(sidecar) and not overrides and not stated:
-        raise EndoctError(
-            f"{path} has no {SIDECAR_NAME}",
-            expected=f"it at {sidecar}",
-            remedy=f"write one to fill in with `endoct info {quote(str(path))} --write-sidecar`",
-        )
-    acquisition = validate(manifest.acquisition, keys, str(sidecar), settings=overrides)
-    with refusing(f"{path} cannot be read by the modality '{manifest.name}'"):
-        return manifest, manifest.load(device).open(path, acquisition)
 
 
 def sniffed(path: Path, manifest: Manifest) -> Sniff:

@@ -29,6 +29,14 @@ class SurfaceGrid:
 
     Raises :class:`EndoctError` where a step is not positive, the columns do not close the circle, or rows do not
     ascend. Raises it also where a panorama on the grid would take more memory than one array may.
+
+    >>> grid = SurfaceGrid.full_circle(150, 360, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    >>> grid
+    <SurfaceGrid 150 × 360 (z, θ): z 0.00 to 29.80 mm every 0.2 mm, bore ⌀ 2.5 mm>
+    >>> float(grid.row_of(3.0)), float(grid.column_of(np.pi))
+    (15.0, 180.0)
+    >>> f"{grid.dtheta_mm:.4f} mm"
+    '0.0218 mm'
     """
 
     n_z: int

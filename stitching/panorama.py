@@ -85,6 +85,12 @@ class Panorama:
     axial_scale: what the scale of z rests on.
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree, or a name is no plain one.
+
+    >>> grid = SurfaceGrid.full_circle(20, 360, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
+    >>> image = np.ones(grid.shape, np.float32)
+    >>> observed = np.broadcast_to(grid.z_mm[:, np.newaxis] < 3, grid.shape)
+    >>> Panorama(grid, image, None, observed, image, "endoscope", handedness_known=True, travel_known=True)
+    <Panorama of endoscope: 20 × 360 (z, θ), z 0.00 to 3.80 mm, bore ⌀ 2.5 mm, 75.0% valid, without depth>
     """
 
     grid: SurfaceGrid

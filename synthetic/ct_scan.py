@@ -34,7 +34,7 @@ FINER = 2
 """A voxel is worked out from at least so many places along each axis."""
 NOISE_SIGMA_VOXELS = 0.6
 SLAB = 24
-"""So many slices are worked on at a time."""
+"""Number of slices worked on at a time."""
 FWHM = 2.3548
 """Full width at half maximum of a Gaussian, over its σ."""
 NOISE_STREAM = 110

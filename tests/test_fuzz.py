@@ -4,11 +4,14 @@ A fixed share of what ``python -m benchmarks.fuzz`` tries.
 """
 
 import gc
+import itertools
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,6 +72,27 @@ def test_the_watch_sees(
     seconds = 0.2 if kind == "too long" else PATIENT_S
     gc.collect()  # what other tests left must not be given back meanwhile
     assert outcome_of(read, tmp_path / "case", case=tmp_path / "case", seconds=seconds).kind == kind
+
+
+@pytest.mark.parametrize(("alarms", "kind"), [(1, READ), (2, "too long")])
+def test_a_machine_that_stood_still_is_no_reader_that_waits(
+    alarms: int, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimpleNamespace(monotonic=itertools.count(step=10).__next__, process_time=lambda: 0.0)
+    monkeypatch.setattr("benchmarks.fuzz.outcome.time", clock)
+
+    def read(_: Path) -> None:
+        for _ in range(alarms):
+            signal.raise_signal(signal.SIGALRM)
+
+    assert outcome_of(read, tmp_path, case=tmp_path, seconds=PATIENT_S).kind == kind
+
+
+@pytest.mark.parametrize(("module", "kind"), [("numba.np.arrayobj", READ), ("endoct.base", "reaches outside")])
+def test_what_numba_opens_of_its_own_is_no_reach_outside(module: str, kind: str, tmp_path: Path) -> None:
+    name = f"{Path(__file__).parent}/../tests/{Path(__file__).name}"
+    read = eval("lambda _: open(name).close()", {"__name__": module, "name": name})
+    assert outcome_of(read, tmp_path / "case", case=tmp_path / "case", seconds=PATIENT_S).kind == kind
 
 
 @pytest.mark.parametrize("name", QUICK)

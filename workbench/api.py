@@ -4,19 +4,18 @@ Each takes a request of :mod:`endoct.workbench.requests`, or its parts. What wor
 so that a second process loads its libraries at the same time.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import output_if_any
 from endoct.modalities.device import check_device
-from endoct.modalities.registry import load_ahead
+from endoct.modalities.recognition import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.simulating import demonstrate
 from endoct.workbench.report.figures.rendered import FIGURES
-from endoct.workbench.requests import CompareRequest, UnrollRequest, by_request
+from endoct.workbench.requests import CompareRequest, SummariseRequest, UnrollRequest, by_request
 from endoct.workbench.running.outputs import COMPARISON, PANORAMA, SUMMARY
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from endoct.fusion.sides import Comparison
     from endoct.workbench.pipeline.summarising import Row
 
-__all__ = ["compare", "demo", "summarise", "unroll"]
+__all__ = ["compare", "demo", "load", "summarise", "unroll"]
 
 
 @by_request(UnrollRequest)
@@ -100,21 +99,15 @@ def compare(request: CompareRequest) -> "Comparison":
         return compare_sources(request, folder, stages, second)
 
 
-def summarise(
-    folders: Sequence[Path | str],
-    output: Path | str | None = None,
-    *,
-    against: Sequence[Path | str] = (),
-    repeats: bool = False,
-    overwrite: bool = False,
-) -> "dict[str, list[Row]]":
+@by_request(SummariseRequest)
+def summarise(request: SummariseRequest) -> "dict[str, list[Row]]":
     """Summarise folders of comparisons, or of poses, written to the folder ``output`` where one is given.
 
-    Returns tables by name, each a list of rows: ``scores``, ``summary``, ``paired`` (with ``against``) and
-    ``repeatability`` (with ``repeats``); see :func:`endoct.workbench.pipeline.summarising.summarise`. Of poses they are
-    ``poses`` and ``agreement``: :func:`endoct.workbench.pipeline.summarising_poses.summarise_poses`. Raises
-    :class:`EndoctError` where a folder is no comparison, no comparisons of the two sets can be paired, or ``output``
-    exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.SummariseRequest`. Returns tables by name, each a list of
+    rows: ``scores``, ``summary``, ``paired`` (with ``against``) and ``repeatability`` (with ``repeats``); see
+    :func:`endoct.workbench.pipeline.summarising.summarise`. Of poses they are ``poses`` and ``agreement``:
+    :func:`endoct.workbench.pipeline.summarising_poses.summarise_poses`. Raises :class:`EndoctError` where a folder is
+    no comparison, no comparisons of the two sets can be paired, or ``output`` exists and ``overwrite`` is not set.
 
     >>> from endoct.workbench import summarise
     >>> tables = summarise(["demo/comparison"])
@@ -124,12 +117,38 @@ def summarise(
     from endoct.workbench.pipeline.summarising import write_summary
     from endoct.workbench.pipeline.summarising_poses import summarise_any
 
-    first, second = [Path(f) for f in folders], [Path(f) for f in against]
-    with output_if_any(output, SUMMARY, overwrite=overwrite, inputs=[*first, *second]) as folder:
-        tables = summarise_any(first, second, repeats=repeats)
+    first, second = [Path(f) for f in request.folders], [Path(f) for f in request.against]
+    with output_if_any(request.output, SUMMARY, overwrite=request.overwrite, inputs=[*first, *second]) as folder:
+        tables = summarise_any(first, second, repeats=request.repeats)
         if folder is not None:
             write_summary(tables, folder)
     return tables
+
+
+def load(path: Path | str) -> "Comparison | Panorama | dict[str, Any]":
+    """Return what lies at ``path``: a panorama, a comparison, or of a pose what its ``pose.json`` says.
+
+    Raises :class:`EndoctError` where it is none of these, damaged, or was changed since it was written.
+
+    With the comparison that :func:`demo` makes in its example:
+
+    >>> from endoct.workbench import load
+    >>> comparison = load("demo/comparison")
+    >>> comparison.to_xarray()["mask"].dims
+    ('side', 'z', 'theta')
+    >>> load("demo/comparison/panoramas/oct.zarr").modality
+    'oct'
+    """
+    from endoct.workbench.kinds import KINDS, output_at, reader
+
+    row = KINDS.get(output_at(Path(path)) or "")
+    if row is None or not row.loaded:
+        raise EndoctError(
+            f"{path} cannot be loaded",
+            found="no such file or folder" if not Path(path).exists() else "",
+            expected="a panorama, a comparison or a pose that endoct wrote",
+        )
+    return reader(row.loaded)(Path(path))  # type: ignore[no-any-return]
 
 
 def demo(

@@ -37,6 +37,8 @@ if TYPE_CHECKING:  # what Python takes; below, what the command line makes of it
     Recorded = Panorama | Path | str
     Recordings = Sequence[Panorama | Path | str]
     Paths = Sequence[Path | str]
+    Names = Sequence[str] | str
+    Conditions = Sequence[str]
     Settings = Mapping[str, object] | Sequence[str] | None
     Ranges = Mapping[str, Range] | Sequence[str] | None
     Place = Point | str | None
@@ -46,6 +48,7 @@ if TYPE_CHECKING:  # what Python takes; below, what the command line makes of it
 else:
     AnyPath = Recorded = Path
     Recordings = Paths = tuple[Path, ...]
+    Names, Conditions = Annotated[str, arg(metavar="NAME,NAME")], tuple[str, ...]
     Settings = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE")]
     Ranges = Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=LOW..HIGH")]
     Place = Annotated[str | None, arg(metavar="X,Y,Z"), UNSET]
@@ -343,6 +346,102 @@ class OutlookRequest(PlanRequest):
     _: KW_ONLY
     radius_mm: float = 1.25
     seen_mm: Annotated[float | None, UNSET] = None
+
+
+@dataclass(frozen=True, eq=False)
+class SummariseRequest:
+    """Which comparisons, or poses, to summarise.
+
+    Args:
+        folders: folders written by `endoct compare`, or by `endoct pose`
+        output: folder to write to
+        against: a second set of comparisons, paired with the first by their recordings, or else by folder names
+        repeats: comparisons in one folder are of one specimen; report their repeatability
+        overwrite: replace the output if it exists
+    """
+
+    folders: Positional[Paths]
+    output: Annotated[Output | None, UNSET] = None
+    _: KW_ONLY
+    against: Paths = ()
+    repeats: bool = False
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class VerifyRequest:
+    """Which output to check.
+
+    Args:
+        path: a panorama, comparison, report, export, specimen, data set, summary or bench results, or a folder of such
+        progress: False displays none
+    """
+
+    path: Positional[AnyPath]
+    _: KW_ONLY
+    progress: Progress = True
+
+
+@dataclass(frozen=True, eq=False)
+class TrainRequest:
+    """How to train a learned eye.
+
+    Args:
+        output: folder for the weights and their card
+        bores: simulated bores to learn from, 10 to 20 s each
+        steps: steps of the fit; 3000 take two minutes on a large GPU, and hours on two cores
+        batch: pieces of bores a step
+        seed: seed of the weights and of how examples are varied
+        device: where to fit; bores are always simulated on the CPU
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    output: Output
+    _: KW_ONLY
+    bores: int = 120
+    steps: int = 3000
+    batch: int = 12
+    seed: int = 1
+    device: Device = "cpu"
+    overwrite: bool = False
+    progress: Progress = True
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRequest:
+    """Which methods to run, and on what.
+
+    Args:
+        task: alignment, stitching, segmentation, oct, depth, pose, ablate, sensitivity, speed or a task of another
+            package; without one, all tasks are listed
+        conditions: ranges or choices to draw cases from, right after the task, such as cell_mm=0.2..1 or
+            modality=depth|intensity
+        output: folder for results.csv, bench.json and plots
+        methods: names of methods, separated by commas; default: all
+        seeds: a range as 1000-1009, or numbers separated by commas; 0-99 are reserved for tuning
+        count: cases per seed
+        sweep: vary only this condition; the others stay at the middle of their range
+        against: print differences from this method too, case by case
+        data: folders of your own data with truth, or folders of such folders, instead of simulated cases
+        workers: processes that share the cases; with more than one, timings are those of a busy machine
+        overwrite: replace the output if it exists
+        progress: False displays none
+    """
+
+    task: Positional[str]
+    conditions: Positional[Conditions] = ()
+    output: Annotated[Output | None, UNSET] = None
+    _: KW_ONLY
+    methods: Names = ""
+    seeds: str = "1000-1009"
+    count: int = 1
+    sweep: Annotated[str | None, arg(metavar="CONDITION"), UNSET] = None
+    against: Annotated[str | None, arg(metavar="NAME"), UNSET] = None
+    data: Paths = ()
+    workers: int = 1
+    overwrite: bool = False
+    progress: Progress = True
 
 
 class ByRequest(Protocol[P, Asked, Out]):

@@ -26,7 +26,7 @@ from endoct.fusion.evidence.evidence import on_grid
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.learned.looking import inputs_of
 from endoct.fusion.segmentation.learned.network import Eye, save_eye
-from endoct.modalities.device import Device, check_device
+from endoct.modalities.device import check_device
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
@@ -36,9 +36,10 @@ from endoct.synthetic.sample.presets import PresetName
 from endoct.synthetic.specimen_files import write_endoscope
 from endoct.synthetic.truth import write_truth
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
-from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
+from endoct.workbench.requests import TrainRequest, by_request
 from endoct.workbench.running.outputs import versions
-from endoct.workbench.running.progress import SilentStages, Stages
+from endoct.workbench.running.progress import SilentStages, stages_for
+from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 PRESETS: tuple[PresetName, ...] = ("learning", "quick", "mastoid", "hard")
 """Bores are drawn from these in turn."""
@@ -67,20 +68,28 @@ class Example:
     cell: Tensor
 
 
-def train(
-    output: Path, *, n_bores: int, steps: int, batch: int, seed: int, device: Device, overwrite: bool, stages: Stages
-) -> dict[str, object]:
+@by_request(TrainRequest)
+def train(request: TrainRequest) -> dict[str, object]:
     """Train an eye for the endoscope into the folder ``output``; return its card.
 
-    On the CPU the same arguments give the same weights on one kind of machine. Raises :class:`EndoctError` where the
-    output or the device cannot be used.
+    Arguments are those of :class:`~endoct.workbench.requests.TrainRequest`. On the CPU the same arguments give the same
+    weights on one kind of machine. Raises :class:`EndoctError` where the output or the device cannot be used.
+
+    A fit that is far too short, in a quarter of a minute:
+
+    >>> from endoct.workbench import train
+    >>> card = train("eye", bores=1, steps=2, batch=1)  # doctest: +SKIP
+    >>> card["trained_on"]  # doctest: +SKIP
+    ['learning 7000']
     """
-    for name, number in (("bores", n_bores), ("steps", steps), ("batch", batch)):
+    steps, batch, seed, device = request.steps, request.batch, request.seed, request.device
+    stages = stages_for(request.progress)
+    for name, number in (("bores", request.bores), ("steps", steps), ("batch", batch)):
         if number < 1:
             raise EndoctError(f"an eye cannot be trained by {number} {name}", expected="at least 1")
     check_device(device)
-    chosen = bores(n_bores)
-    with new_output(output, KIND, overwrite=overwrite) as folder:
+    chosen = bores(request.bores)
+    with new_output(Path(request.output), KIND, overwrite=request.overwrite) as folder:
         folder.mkdir(exist_ok=True)
         with stages.stage("examples") as advance:
             examples = list(examples_of(chosen, advance))

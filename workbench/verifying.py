@@ -13,7 +13,6 @@ from endoct.base.files.files import is_left_by_system, sha256_of
 from endoct.fusion.files.session import MASKS, read_session
 from endoct.fusion.files.session import NAME as SESSION_NAME
 from endoct.workbench.dataset.creation import LOCK_NAME, TOP_FILES
-from endoct.workbench.dataset.identity import NAME as DATA_SET_NAME
 from endoct.workbench.dataset.identity import Identity, read_identity
 from endoct.workbench.dataset.plan import Unit
 from endoct.workbench.dataset.set_files import (
@@ -27,7 +26,9 @@ from endoct.workbench.dataset.set_files import (
 )
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
-from endoct.workbench.running.outputs import DATA_SET, EXPORT, REPORT, SPECIMEN
+from endoct.workbench.kinds import output_at
+from endoct.workbench.requests import VerifyRequest, by_request
+from endoct.workbench.running.outputs import DATA_SET, DATA_SET_FILE, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
 
 _A_MASK = re.compile(rf"{MASKS}/[^/]+/[^/]+\.(png|toml)")
@@ -58,7 +59,8 @@ class Verdict:
         return {**of, "intact": self.intact, **lists}
 
 
-def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]:
+@by_request(VerifyRequest)
+def verify(request: VerifyRequest) -> list[Verdict]:
     """Check every byte of an output of endoct against the digests noted when it was written.
 
     ``path`` is a panorama, a comparison, a report, an export, a summary, results of the bench, a specimen, a data set
@@ -71,13 +73,13 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
     >>> {verdict.kind: verdict.intact for verdict in verify("demo")}
     {'comparison': True, 'specimen': True}
     """
-    path, stages = Path(path), stages_for(progress)
+    path, stages = Path(request.path), stages_for(request.progress)
     if path.suffix == ".html" and path.is_file():
         return [_page(path)]
     if has_mark(path):
         altered = () if is_whole(path) else (path.name,)
         return [Verdict(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
-    outputs = [path] if _is_output(path) else [one for one in _folders(path) if _is_output(one) or _looks_like_one(one)]
+    outputs = [path] if _is_output(path) else [one for one in _folders(path) if output_at(one) is not None]
     if not outputs and _is_unit(path):
         return [_unit_verdict(path, _record(path))]
     if not outputs:
@@ -92,7 +94,7 @@ def verify(path: Path | str, *, progress: bool | Stages = True) -> list[Verdict]
 def _verdict(path: Path, stages: Stages) -> Verdict:
     with stages.stage(f"verify {path.name}") as advance:
         contents = read_contents(path)
-        if contents is None and (path / DATA_SET_NAME).is_file():
+        if contents is None and (path / DATA_SET_FILE).is_file():
             return _data_set(path, advance)
         if contents is None:
             return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
@@ -180,12 +182,7 @@ def _is_shard(place: Path, record: Record) -> bool:
 
 
 def _is_output(path: Path) -> bool:
-    return path.is_dir() and (read_contents(path) is not None or (path / DATA_SET_NAME).is_file())
-
-
-def _looks_like_one(path: Path) -> bool:
-    """Say whether a folder has what a comparison, a store or a specimen has: one that lost its list still counts."""
-    return any((path / name).exists() for name in ("result.json", "zarr.json", "truth"))
+    return path.is_dir() and (read_contents(path) is not None or (path / DATA_SET_FILE).is_file())
 
 
 def _folders(path: Path) -> Iterator[Path]:
@@ -194,7 +191,7 @@ def _folders(path: Path) -> Iterator[Path]:
 
 
 def _is_unit(path: Path) -> bool:
-    return path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_NAME).is_file()
+    return path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_FILE).is_file()
 
 
 def _record(place: Path) -> Record:

@@ -45,7 +45,7 @@ class _KeptCode(FunctionCache):
     """Numba's cache of one function, without which everything works as well."""
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the code that is kept for a signature, None where there is none, or none that is whole."""
+        """Return the code kept for a signature, or None where there is no complete one."""
         try:
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         except Exception:  # noqa: BLE001 - damaged bytes may raise anything as they are unpickled

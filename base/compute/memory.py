@@ -128,7 +128,7 @@ def _disk_reported(done: str) -> Iterator[None]:
 
 
 class Room(threading.local):
-    """Arrays of one thread by name, used again for one frame after the other; they go with the thread.
+    """Named arrays of one thread, reused from frame to frame and freed with the thread.
 
     New arrays of some megabytes would be taken from the system, cleared page by page and given back with every frame.
     That takes as long as the work on them.

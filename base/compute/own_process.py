@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 GARBAGE_THRESHOLD = 50_000
-"""From this many new objects on, Python looks for circular garbage. Its own 700 cost an eighth of the time of imports,
-for next to nothing."""
+"""Number of new objects after which Python looks for circular garbage. Its own 700 cost an eighth of the time of
+imports, for next to nothing."""
 SAID_AFTER = 5
 """A user hears of compiling from this many functions on: one or two are no wait, and after five many more follow."""
 exchanging = threading.RLock()
@@ -48,7 +48,7 @@ def settle_in() -> None:
 
 
 class _Compiling:
-    """How many functions this process has compiled, and what is called once they are many."""
+    """Counts the functions that this process has compiled, and announces when there are many."""
 
     count = 0
     announce: Callable[[], None] | None = None

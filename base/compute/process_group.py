@@ -11,7 +11,7 @@ from typing import IO
 from endoct.base.compute.own_process import undone_in_the_end
 
 _GUARD = "read _; kill -s INT -- -$0; sleep 5; kill -s KILL -- -$0"
-"""Reads from a pipe that this process alone holds, and so goes on once that has ended, in whatever way."""
+"""Waits on a pipe that only this process holds, so it goes on as soon as this process has ended, in whatever way."""
 
 
 @contextmanager

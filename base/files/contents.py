@@ -26,7 +26,7 @@ SMALL_FILES = (
 )
 """An output is known by these: its list where it has one, and the files that say how its arrays came about."""
 SEALED_AT_ONCE = 8
-"""So many files are digested at the same time: hundreds of small ones wait for the disk, not for a processor."""
+"""Number of files digested at once: hundreds of small ones wait for the disk, not for a processor."""
 MOST_BYTES = 16_000_000
 """The list may have this many bytes. It takes some 100 for each file, and twenty times that in memory."""
 

@@ -81,7 +81,7 @@ def spreadsheet_text(text: str) -> str:
 def open_regular(path: Path) -> Iterator[BufferedReader]:
     """Open a file to read. Raises :class:`EndoctError` for anything else: a device, a pipe, which would never end.
 
-    What the system says to the opening is an :class:`EndoctError` too; what it says later is an ``OSError``.
+    An error of the system at opening is an :class:`EndoctError` too; a later one is an ``OSError``.
     """
     try:
         # a pipe without a writer would have the opening wait
@@ -99,10 +99,10 @@ def open_regular(path: Path) -> Iterator[BufferedReader]:
 
 @contextmanager
 def held_folder(folder: Path) -> Iterator[Path]:
-    """Yield a path to the folder that lies at ``folder`` now, which leads there also once that is moved or replaced.
+    """Yield a path that leads to the folder now at ``folder``, even after it has been moved or replaced.
 
-    Once the folder is removed nothing can be made in it. Where the system has no such paths (other than Linux) it is
-    ``folder`` itself. Raises :class:`EndoctError` where there is no folder.
+    Once the folder is removed, nothing can be made in it. Only Linux has such paths; elsewhere it is ``folder`` itself.
+    Raises :class:`EndoctError` where there is no folder.
     """
     if not sys.platform.startswith("linux"):
         yield folder

@@ -35,9 +35,9 @@ def an_object(value: object, subject: str) -> dict[str, Any]:
 
 
 def number(of: Mapping[str, Any], key: str, least: float, most: float, subject: str) -> float:
-    """Return the number ``of[key]``. Raises :class:`EndoctError` where it is none, or not from ``least`` to ``most``.
+    """Return the number ``of[key]``, from ``least`` to ``most``.
 
-    NaN is no number; truth values are none either.
+    Raises :class:`EndoctError` for anything else, NaN and truth values among them.
     """
     value = of.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:

@@ -32,10 +32,10 @@ _HEADER_READERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.f
 
 @contextmanager
 def open_zip(path: Path, most_members: int, most_bytes: int, refusal: str) -> Iterator[zipfile.ZipFile]:
-    """Open a ZIP file to read, stored or deflated; ``refusal`` is said of one that cannot be read.
+    """Open a ZIP file to read, stored or deflated; ``refusal`` is the message for one that cannot be read.
 
-    Raises :class:`EndoctError` where it is none, has more than ``most_members``, expands to more than ``most_bytes`` in
-    all, or is packed in another way. Whatever is raised while it is open becomes one too.
+    Raises :class:`EndoctError` if it is not a ZIP file, has more than ``most_members``, expands to more than
+    ``most_bytes`` in all, or is packed in another way. Whatever is raised while it is open becomes one too.
     """
     with refusing(refusal), open_regular(path) as file:
         _check_list(file, path, most_members, refusal)
@@ -69,10 +69,10 @@ def _check_list(file: IO[bytes], path: Path, most_members: int, refusal: str) ->
 
 
 def read_npy(file: IO[bytes], subject: str, parts: int = 1) -> NDArray[Any]:
-    """Return the array of a ``.npy`` file that is open: numbers, truth values or texts.
+    """Return the array of an open ``.npy`` file: numbers, truth values or texts.
 
-    Raises :class:`EndoctError`, naming ``subject``, where it is none, is cut off, or is larger than ``parts`` times the
-    limit of one array.
+    Raises :class:`EndoctError`, naming ``subject``, if it is not such a file, is cut off, or is larger than ``parts``
+    times the limit of one array.
     """
     with refusing(f"{subject} is no array of NumPy"):
         shape, in_columns, dtype = read_header(file, subject)

@@ -185,7 +185,7 @@ def _finish(made: Path, kind: str) -> None:
 
 
 def _stand(made: Path, place: Path, scratch: Path, judged: _Judged | None) -> None:
-    """Put ``made`` in its ``place``. Where that cannot be, both stay: what is there, and the new one next to it."""
+    """Put ``made`` in its ``place``. If that fails, both stay: the old one there, and the new one next to it."""
     old = None
     try:
         with uninterrupted():

@@ -236,9 +236,9 @@ def _lock_in(folder: Path) -> Iterator[None]:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a scratch folder; one that is not all removed when this process dies is known by its name then.
+    """Remove a scratch folder. If this process dies before all is removed, the folder's name tells so.
 
-    Of an output that was replaced only what endoct wrote is removed; what else lies in it is kept next to it.
+    Of an output that was replaced, only what endoct wrote is removed; anything else in it is kept next to it.
     """
     try:
         for output in (*_within(folder / NEW), *_within(folder / REPLACED)):

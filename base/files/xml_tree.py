@@ -13,7 +13,7 @@ _BYTE_ORDER_MARKS = (b"\xff\xfe", b"\xfe\xff")
 def read_xml(data: bytes, document: str) -> Element:
     """Return the root of the XML document that ``document`` names, in UTF-8, UTF-16 or the encoding that it states.
 
-    Raises :class:`EndoctError` where it is none, has a document type, which could define entities, or is beyond bounds.
+    Raises :class:`EndoctError` if it is not XML, has a document type, which could define entities, or is beyond bounds.
     """
     if len(data) > MOST_BYTES:
         raise EndoctError(

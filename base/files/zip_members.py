@@ -55,7 +55,7 @@ def key_of(name: str) -> str:
 def list_members(path: Path) -> dict[str, Member]:
     """Return the members of a ZIP file by :func:`key_of` their names.
 
-    Raises :class:`EndoctError` where it is none, is truncated, has too long a list, or lists one name twice.
+    Raises :class:`EndoctError` if it is not a ZIP file, is truncated, has too long a list, or lists a name twice.
     """
     members: dict[str, Member] = {}
     with refusing(f"{path} is no readable ZIP file", remedy=COPY), open_regular(path) as file:
@@ -127,7 +127,7 @@ def check_held(member: Member) -> None:
 
 
 def _data_at(member: Member, file: BufferedReader) -> int:
-    """Return where the bytes of a member begin, behind its header. Raises :class:`EndoctError` where there is none."""
+    """Return where the bytes of a member begin, behind its header. Raises :class:`EndoctError` if that is missing."""
     file.seek(member.at)
     header = file.read(_LOCAL.size)
     if len(header) < _LOCAL.size or not header.startswith(ZIP_START):

@@ -15,7 +15,7 @@ from endoct.base.compute.compiled import compiled
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over the median of its absolute deviations."""
 ERROR_PER_SIGMA = 1.25
-"""A median errs by so much more than a mean: √(π/2) times, of normal samples."""
+"""How many times as much a median errs as a mean: √(π/2), of normal samples."""
 
 
 def median(samples: NDArray[Any]) -> float:

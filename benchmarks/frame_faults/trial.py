@@ -17,7 +17,7 @@ from benchmarks.frame_faults.videos import VIDEOS
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
 from endoct.modalities.reading.remarks import remarks_of
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 
 PLACE_MM = 0.03
 """What clocks of videos and in names leave uncertain: less than a sixth of a step."""

@@ -115,16 +115,20 @@ def innermost(trace: TracebackType | None) -> str:
 @contextlib.contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
     begun, begun_cpu = time.monotonic(), time.process_time()
+    idle = 0
 
     def over(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal idle
         wall, cpu = time.monotonic() - begun, time.process_time() - begun_cpu
-        # others may be at work on the machine: what counts is this process's time, or that it waits for nothing
-        if cpu >= seconds or cpu < WAITING * wall or wall > MOST_WAIT * seconds:
+        idle = idle + 1 if cpu < WAITING * wall else 0
+        # others may be at work on the machine, or it stood still as a whole: what counts is this process's time, or
+        # that it goes on waiting for nothing
+        if cpu >= seconds or idle > 1 or wall > MOST_WAIT * seconds:
             raise TooLongError(f"after {wall:.0f} s, {cpu:.1f} s of them at work")
 
     before = signal.signal(signal.SIGALRM, over)
     # again each second: what was raised in a place that cannot raise (a destructor) is lost
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    signal.setitimer(signal.ITIMER_REAL, seconds, min(seconds, 1.0))
     try:
         yield
     finally:
@@ -167,14 +171,15 @@ def _on_event(event: str, arguments: tuple[object, ...]) -> None:
         whole = os.path.abspath(name)  # noqa: PTH100
         inside = whole == case or whole.startswith(case + os.sep)
         nearby = whole.startswith(str(Path(case).parent) + os.sep)
-        if not inside and (whole in _FORBIDDEN or nearby or "/../" in name):
+        outside = whole in _FORBIDDEN or nearby or ("/../" in name and not _loads_machine_code())
+        if outside and not inside:
             events.append(f"{event} {name}")
     elif not _loads_machine_code():
         events.append(f"{event} {str(arguments)[:200]}")
 
 
 def _loads_machine_code() -> bool:
-    """Say whether numba is at work: at the first call of a loop it reads pickles of its own, beside the modules."""
+    """Say whether numba is at work: at the first call of a loop it reads its own sources, and pickles beside ours."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         if str(frame.f_globals.get("__name__", "")).startswith("numba."):

@@ -31,7 +31,7 @@ def try_recording(path: Path) -> None:
 
 
 def try_opened(path: Path) -> None:
-    from endoct.modalities.registry import open_recording
+    from endoct.modalities.recognition import open_recording
 
     _, stream = open_recording(path)
     for index in range(len(stream)):
@@ -41,12 +41,13 @@ def try_opened(path: Path) -> None:
 def try_sidecar(path: Path) -> None:
     from endoct.base.errors import EndoctError
     from endoct.modalities.acquisition import read_keys, validate
+    from endoct.modalities.recognition import recognise
     from endoct.modalities.registry import manifests
     from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
     keys = read_keys(path)
     try:
-        write_sidecar_template(path, None, overwrite=True)
+        write_sidecar_template(recognise(path), overwrite=True)
     except EndoctError as error:  # what it says of its output is not what is asked here
         check_line(str(error))
     found = manifests()
@@ -60,7 +61,7 @@ def try_settings(path: Path) -> None:
     from endoct.fusion.comparison import CompareParameters
     from endoct.modalities.acquisition import validate
     from endoct.modalities.registry import manifests
-    from endoct.workbench.pipeline.settings import parse, parse_vary, split
+    from endoct.workbench.settings import parse, parse_vary, split
 
     if not path.is_file():  # no damage to settings, which come from a command line
         return
@@ -95,9 +96,9 @@ def try_drawing(path: Path) -> None:
 
 def try_mask(path: Path) -> None:
     from endoct.fusion.files.masks import read_mask
-    from endoct.workbench.pipeline.sources import is_mask_image
+    from endoct.workbench.kinds import is_mask
 
-    is_mask_image(path)
+    is_mask(path)
     read_mask(path, _drawn_on())
 
 

@@ -29,7 +29,7 @@ from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
 from endoct.workbench import unroll
 from endoct.workbench.bench.cases.bores import PoseCase, TrueBore, plan_off
-from endoct.workbench.pipeline.truth import Pose
+from endoct.workbench.pipeline.truth import TruePose
 
 FIRST_MM, LAST_MM = 1.0, 1.0
 """Of the bore at either end, that no recording shows."""
@@ -60,14 +60,14 @@ class BoneBore:
         truth = TrueBore(self.to_lps, self.length_mm, (self._oct(panoramas[0]), self._endoscope(panoramas[1])))
         return PoseCase(self.name, (panoramas, self.ct, self.plan), truth, {})
 
-    def _oct(self, panorama: Panorama) -> Pose:
+    def _oct(self, panorama: Panorama) -> TruePose:
         place, true = self.pair.oct_place, np.sort(self.pair.oct.z_mm)
-        return Pose(place.theta_rad, -1 if place.mirrored else 1, _frames_mm(panorama), true)
+        return TruePose(place.theta_rad, -1 if place.mirrored else 1, _frames_mm(panorama), true)
 
-    def _endoscope(self, panorama: Panorama) -> Pose:
+    def _endoscope(self, panorama: Panorama) -> TruePose:
         place, journey = self.pair.endoscope_place, self.pair.endoscope
         true = np.sort(journey.apex_mm + place.z_mm - journey.apex_mm.min())
-        return Pose(place.theta_rad, 1, _frames_mm(panorama), true)
+        return TruePose(place.theta_rad, 1, _frames_mm(panorama), true)
 
 
 def made(seed: int, *, sparse: bool) -> BoneBore:

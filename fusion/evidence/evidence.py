@@ -43,6 +43,14 @@ class Evidence:
 
     Higher values speak for a cell. For darkness that is a guess until something else says whether cells are dark or
     bright. ``slant``: z by which the view goes on for each mm beyond the wall, None where that is not known.
+
+    >>> wall = np.zeros((40, 128), np.float32)
+    >>> wall[15:25, 30:50] = 0.3  # a cell, 0.3 mm deep
+    >>> evidence = Evidence(wall, np.isfinite(wall), 0.1 * np.arange(40), 0.1, 0.0, 1.25, kind="relief")
+    >>> evidence.knows_cells, round(evidence.column_mm, 4)
+    (True, 0.0614)
+    >>> f"{clipped(evidence).values.max():.2f} mm"  # deeper says no more
+    '0.15 mm'
     """
 
     values: Image

@@ -39,7 +39,7 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
 
     The wall starts as a low quantile over sectors of θ and ``NEIGHBOURHOOD_MM`` of z. It is then fitted slice by
     slice, by reweighted least squares. These trust what lies near the wall or in front of it, not what lies behind.
-    Each slice is drawn towards the course along z: the more, the steadier the slices that are mostly wall.
+    Each slice is drawn towards the course along z, more strongly where slices that are mostly wall are steady.
     """
     n_theta = depth_mm.shape[1]
     step = max(1, n_theta // 512)

@@ -25,12 +25,11 @@ from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
-from endoct.fusion.sides import Comparison, PlacedSide
+from endoct.fusion.sides import IMAGES, Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.store import stored_grid
 
 FORMAT = "endoct-comparison-1"
-IMAGES = ("intensity", "depth_mm", "mask", "valid")
 PROPERTIES = tuple(field.name for field in fields(Cell))
 _KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}
 _SIDES = ("side", "depth_of", "seen_by")
@@ -141,6 +140,11 @@ def load_comparison(path: Path) -> Comparison:
     with refusing(f"{path} is no comparison", expected="a store written by `endoct compare`"):
         attributes = _attributes(path)
         return _comparison(path, read_arrays(path, (*IMAGES, "cells", "side")), attributes)
+
+
+def load_compared(folder: Path) -> Comparison:
+    """Return what `endoct compare` wrote to ``folder``. Raises :class:`EndoctError` as :func:`load_comparison` does."""
+    return load_comparison(folder / "comparison.zarr")
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,12 @@ class Alignment:
     twist_rad_per_mm: a turn along A's z, likewise estimated but left uncorrected.
     covariance: of the error of (theta_shift_rad, z_shift_mm, z_scale), 3 × 3 in their units; None where it was not
         estimated.
+
+    >>> b_in_a = Alignment(theta_shift_rad=0.5, z_shift_mm=-1.2, mirrored=True)
+    >>> f"{b_in_a.theta_to_a(0.2):.2f} rad, {b_in_a.z_to_a(2.0):.2f} mm"
+    '0.30 rad, 0.80 mm'
+    >>> f"{b_in_a.inverse().theta_to_a(0.3):.2f} rad, {b_in_a.inverse().z_to_a(0.8):.2f} mm"
+    '0.20 rad, 2.00 mm'
     """
 
     theta_shift_rad: float
@@ -115,6 +121,20 @@ class NotAligned:
 
     reason: str
     best: Alignment | None = None
+
+
+@dataclass(frozen=True)
+class SearchOutcome:
+    """Where a search, a method or pairs of landmarks lay B; else the ``best`` place, and the ``reason`` against it."""
+
+    alignment: Alignment | None
+    best: Alignment | None = None
+    reason: str = ""
+
+    @classmethod
+    def of(cls, answer: Alignment | NotAligned) -> "SearchOutcome":
+        """Return what a search or a method answers."""
+        return cls(answer) if isinstance(answer, Alignment) else cls(None, answer.best, answer.reason)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.pose.air import AirAround
-from endoct.fusion.pose.fit import SOFTNESS, Fit, fit_pose, start_of
+from endoct.fusion.pose.fit import SOFTNESS, PoseFit, fit_pose, start_of
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import (
@@ -90,7 +90,7 @@ class SidePose:
     mirrored: whether the sense of θ is known, and the mirror image of the CT fits better.
     """
 
-    fit: Fit
+    fit: PoseFit
     second: float | None
     standing: float
     mirrored: bool = False
@@ -149,7 +149,7 @@ def answer(air: AirAround, plan: Trajectory, alone: Sequence[SidePose]) -> PoseA
     )
 
 
-def _of_hands(air: AirAround, alone: Sequence[SidePose], together: Fit) -> tuple[str | None, list[Doubt]]:
+def _of_hands(air: AirAround, alone: Sequence[SidePose], together: PoseFit) -> tuple[str | None, list[Doubt]]:
     """Return why a mirror image rules the pose out, if it does, and doubts about the sense of θ."""
     senses = zip(together.sides, together.senses, strict=True)
     unknown = [(side.name, sense) for side, sense in senses if not side.handed]
@@ -209,7 +209,7 @@ def fitted(air: AirAround, side: Observation, starts: Sequence[Candidate], stand
     return SidePose(fit, max(others, default=None), standing)
 
 
-def fit_together(air: AirAround, alone: Sequence[SidePose]) -> Fit:
+def fit_together(air: AirAround, alone: Sequence[SidePose]) -> PoseFit:
     """Return the pose of sides that were found alone: one axis, each side's own depth and turn.
 
     The axis is by those that can tell it alone, if any can: another one may lie anywhere, and would pull it there. The
@@ -267,7 +267,7 @@ def _contradiction(air: AirAround, alone: Sequence[SidePose]) -> str | None:
     return f"{names[0]} and {names[1]} find axes that lie {distance:.2f} mm apart, more than either could be off"
 
 
-def _stranger(air: AirAround, alone: Sequence[SidePose], together: Fit) -> str | None:
+def _stranger(air: AirAround, alone: Sequence[SidePose], together: PoseFit) -> str | None:
     """Return which side is not of the bore that the other one finds; None where each fits somewhere along it."""
     for one, side, agreement in zip(alone, together.sides, together.agreement, strict=True):
         if one.reason is None:
@@ -301,7 +301,7 @@ def _apart(candidates: Sequence[Candidate], length_mm: float) -> list[Candidate]
     return chosen
 
 
-def summary(fit: Fit) -> Summary:
+def summary(fit: PoseFit) -> Summary:
     """Return the axis, depth and turn of the first side's pose."""
     x, y, about_x, about_y = (float(value) for value in fit.parameters[:SHARED])
     depth, turn = (float(value) for value in fit.of_side(0)[:2])

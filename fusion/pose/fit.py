@@ -28,16 +28,16 @@ SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 ROUNDS, LEAST_MOVE_MM, MOST_MOVE_MM = 8, 1e-3, 0.3
 GAINS = (0.7, 1.4)
 LEAST_VARIANCE = 1e-3
-"""Residuals, in shares of air, have this variance at least: no two instruments see a cell more alike."""
+"""Least variance of residuals, in shares of air: no two instruments see a cell more alike."""
 ALIKE = 0.35
 """How alike two sides err that look for the same cells in the same CT. It is the correlation of their errors across the
 axis at the target, from 46 simulated bores of the preset 'patient', seeds 2000 to 2062."""
 LEAST_FREE = 1.0
-"""So many independent samples are left at least, beyond the parameters that they determine."""
+"""Least number of independent samples beyond the parameters that they determine."""
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PoseFit:
     """A pose fitted to sides: ``parameters`` (n,) as :mod:`endoct.fusion.pose.wall` says, ``covariance`` (n, n).
 
     ``agreement`` is, by side, the correlation of what it shows near edges with what the CT has there.
@@ -71,7 +71,7 @@ def fit_pose(
     *,
     softness: Sequence[float] = SOFTNESS,
     leading: Sequence[bool] | None = None,
-) -> Fit:
+) -> PoseFit:
     """Return the pose of ``sides`` together that fits ``air`` best near ``start``, (SHARED + n · OF_SIDE,).
 
     Samples count less and less beyond residuals of ``softness``, in shares of air and in turn. ``leading`` says which
@@ -179,7 +179,7 @@ def _finished(
     at: torch.Tensor,
     levels: Sequence[tuple[float, float]],
     leading: Sequence[bool],
-) -> Fit:
+) -> PoseFit:
     """Return the fit with its covariance."""
     n = at.numel()
     covariance, of_axis, agreement = np.zeros((n, n)), [], []
@@ -195,7 +195,7 @@ def _finished(
             covariance[np.ix_(part, part)] += np.pad(own[SHARED:, :SHARED], ((SHARED, 0), (0, OF_SIDE)))
         agreement.append(_correlation(seen))
     covariance[:SHARED, :SHARED] = _together(of_axis)
-    return Fit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement))
+    return PoseFit(tuple(sides), tuple(senses), at.cpu().numpy(), covariance, tuple(agreement))
 
 
 def _together(each: Sequence[Coordinates]) -> Coordinates:

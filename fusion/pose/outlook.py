@@ -11,13 +11,13 @@ import numpy as np
 
 from endoct.base.arrays import Image
 from endoct.base.numeric.circle import wrap_rad
+from endoct.base.numeric.regions import label
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.finding import SidePose, differ, find_alone, summary
 from endoct.fusion.pose.pose import BEYOND_MM, BorePose
 from endoct.fusion.pose.rehearsal import Instrument, Rehearsal, rehearse
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM, unrolled
 from endoct.fusion.pose.wall import TURN
-from endoct.fusion.segmentation.regions import label
 from endoct.modalities.ct.trajectory import Trajectory
 
 BEHIND_MM = 0.1

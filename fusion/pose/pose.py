@@ -14,7 +14,7 @@ import torch
 from scipy import stats
 
 from endoct.base.arrays import Coordinates
-from endoct.fusion.pose.fit import Fit
+from endoct.fusion.pose.fit import PoseFit
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.wall import (
     DEPTH,
@@ -47,7 +47,7 @@ class BorePose:
     """
 
     plan: Trajectory
-    fit: Fit
+    fit: PoseFit
 
     @property
     def names(self) -> tuple[str, ...]:

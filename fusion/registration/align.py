@@ -26,14 +26,21 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import Evidence, brightness, clipped, correlation
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, NotAligned, Orientation, as_covariance
+from endoct.fusion.geometry.alignment import (
+    ALL_ORIENTATIONS,
+    Alignment,
+    NotAligned,
+    Orientation,
+    SearchOutcome,
+    as_covariance,
+)
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import search
-from endoct.fusion.segmentation.regions import label
 
 __all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
 
@@ -106,20 +113,21 @@ def believable(alignment: Alignment) -> bool:
 
 def align_sides(
     a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05), force: bool = False
-) -> Alignment | NotAligned:
+) -> SearchOutcome:
     """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
 
     A mask drawn on the samples of the other side lies there, without a search.
     """
     if a.is_drawn_on(b) or b.is_drawn_on(a):
         exact = as_covariance(np.zeros((3, 3)))
-        return replace(IN_PLACE, confidence=1.0, correlation=correlation(a.evidence, b.evidence), covariance=exact)
+        alike = correlation(a.evidence, b.evidence)
+        return SearchOutcome(replace(IN_PLACE, confidence=1.0, correlation=alike, covariance=exact))
     orientations = orientations_of(a.panorama, b.panorama)
-    answer = align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
-    if isinstance(answer, Alignment) or answer.best is None:
-        return answer
-    farther = fit_stretched(a.evidence, b.evidence, orientations, z_scale_range)
-    return replace(answer, reason=answer.reason + _if_stretched(a, b, farther)) if farther else answer
+    outcome = SearchOutcome.of(
+        align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
+    )
+    farther = outcome.best and fit_stretched(a.evidence, b.evidence, orientations, z_scale_range)
+    return replace(outcome, reason=outcome.reason + _if_stretched(a, b, farther)) if farther else outcome
 
 
 def align(
@@ -182,7 +190,7 @@ def stretched(
 
 
 def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
-    """Return ``alignment`` without what always separates depth and light; what is left widens its covariance.
+    """Correct ``alignment`` for the offset that depth and light always have, and widen its covariance by the rest.
 
     Rays that meet the wall at a slant see a cell's near rim where it is. Before its far rim they see the wall below
     that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts. Its middle
@@ -314,14 +322,14 @@ def _if_stretched(a: Side, b: Side, farther: Alignment) -> str:
     return f" They would align with z of {b.name} scaled by {farther.z_scale:.3f}: {agreeing}."
 
 
-def align_by_method(a: Side, b: Side, name: str) -> Alignment | NotAligned:
+def align_by_method(a: Side, b: Side, name: str) -> SearchOutcome:
     """Return where ``b`` lies on ``a`` by the method ``name``, with how well the two correlate there.
 
     Raises :class:`EndoctError` where there is no such method, it fails, or its answer is no alignment.
     """
     answer = answer_by("alignment", name, a.panorama, b.panorama, setting="alignment_method")
     if isinstance(answer, NotAligned):
-        return answer
+        return SearchOutcome.of(answer)
     if not isinstance(answer, Alignment) or not _is_possible(answer):
         raise EndoctError(
             f"the alignment method '{name}' answers no alignment",
@@ -329,7 +337,8 @@ def align_by_method(a: Side, b: Side, name: str) -> Alignment | NotAligned:
             expected="an Alignment of finite turn, shift and scale, or NotAligned",
         )
     shared = with_evidence(answer, a.evidence, b.evidence)
-    return shared or NotAligned(f"As the method '{name}' lays {b.name} on {a.name}, the two share no wall.")
+    reason = f"As the method '{name}' lays {b.name} on {a.name}, the two share no wall."
+    return SearchOutcome(shared) if shared else SearchOutcome(None, reason=reason)
 
 
 def with_evidence(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment | None:

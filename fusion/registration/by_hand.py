@@ -23,9 +23,9 @@ from endoct.fusion.geometry.alignment import (
     ALL_ORIENTATIONS,
     Alignment,
     LandmarkPair,
-    NotAligned,
     Orientation,
     Role,
+    SearchOutcome,
     as_covariance,
     columns,
     of_role,
@@ -35,13 +35,13 @@ from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
 FEWEST = 2
-"""So many pairs establish an alignment where none was found."""
+"""Number of pairs that establish an alignment where none was found."""
 FEWEST_FOR_ORIENTATION = 3
-"""So many pairs may also say which way around it is."""
+"""Number of pairs that may also decide the orientation."""
 DECISIVE = 16.0
-"""Least difference of χ² between two orientations that decides: four standard errors."""
+"""Least difference of χ² that decides between two orientations: four standard errors."""
 FAR_OFF = 2.0
-"""Pairs that lie so many standard errors off the automatic alignment, root mean square, contradict it."""
+"""Pairs contradict the automatic alignment from this root mean square distance on, in standard errors."""
 CHECK_PAIRS = "look at the pairs again: one may be on the wrong cell"
 
 
@@ -128,7 +128,7 @@ def covariance_about(middle_mm: float, of_turn: float, of_place: float, of_scale
 
 
 @dataclass(frozen=True)
-class Bore:
+class KnownBore:
     """What is known of two sides before any pair: the radius, the orientations left open, the scales to search."""
 
     radius_mm: float
@@ -144,13 +144,13 @@ class Bore:
 
 @dataclass(frozen=True)
 class Judged:
-    """The alignment that pairs lead to, or why there is none, and what is said of that."""
+    """Where pairs lead to, and what is said of that."""
 
-    alignment: Alignment | NotAligned
+    outcome: SearchOutcome
     said: ByHand
 
 
-def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore: Bore) -> Judged:
+def judge(pairs: Sequence[LandmarkPair], automatic: SearchOutcome, bore: KnownBore) -> Judged:
     """Return what ``pairs`` make of the ``automatic`` alignment, and its error by those that check it.
 
     The corrected alignment has no confidence of its own. Raises :class:`EndoctError` where pairs clearly contradict the
@@ -158,8 +158,8 @@ def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore
     """
     correcting, why = of_role(pairs, "correct"), ""
     fit = None
-    if correcting and isinstance(automatic, Alignment):
-        fit = _corrected(correcting, automatic, bore)
+    if correcting and automatic.alignment:
+        fit = _corrected(correcting, automatic.alignment, bore)
     elif correcting:
         fit, why = _established(correcting, bore)
     if fit is not None and fit.alignment.z_scale in FARTHEST:
@@ -169,26 +169,24 @@ def judge(pairs: Sequence[LandmarkPair], automatic: Alignment | NotAligned, bore
             expected=f"a scale along the bore from {FARTHEST[0]:g} to {FARTHEST[1]:g}",
             remedy=CHECK_PAIRS,
         )
-    used = automatic if fit is None else fit.alignment
-    if why and isinstance(used, NotAligned):
+    used = automatic if fit is None else SearchOutcome(fit.alignment)
+    if why:
         used = replace(used, reason=f"{used.reason} {why}")
-    return Judged(used, _said(pairs, automatic, used, fit, bore.radius_mm))
+    return Judged(used, _said(pairs, automatic, used.alignment, fit, bore.radius_mm))
 
 
-def align_by_hand(
-    a: Side, b: Side, automatic: Alignment | NotAligned, pairs: Sequence[LandmarkPair], bore: Bore
-) -> Judged:
+def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[LandmarkPair], bore: KnownBore) -> Judged:
     """Return what ``pairs`` make of an alignment, as :func:`judge` does, with what both sides show where they put B.
 
     Raises :class:`EndoctError` as :func:`judge` does, and where the two share no wall there.
     """
     judged = judge(pairs, automatic, bore)
-    if not judged.said.corrected or not isinstance(judged.alignment, Alignment):
+    if not judged.said.corrected or judged.outcome.alignment is None:
         return judged
-    return replace(judged, alignment=_with_evidence(judged.alignment, a, b))
+    return replace(judged, outcome=SearchOutcome(_with_evidence(judged.outcome.alignment, a, b)))
 
 
-def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: Bore) -> PairFit:
+def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: KnownBore) -> PairFit:
     own = automatic.mirrored, automatic.z_reversed
     scale = replace(bore.scale, value=automatic.z_scale)
     if automatic.covariance and not _contradict(pairs, automatic, bore.radius_mm):
@@ -219,7 +217,7 @@ def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: 
     return bool(np.sqrt(np.mean((residuals_mm(pairs, automatic, radius_mm) / allowed_mm) ** 2)) > FAR_OFF)
 
 
-def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | None, str]:
+def _established(pairs: Sequence[LandmarkPair], bore: KnownBore) -> tuple[PairFit | None, str]:
     """Return the alignment by pairs alone; or None, and a sentence on what they lack, where they say too little."""
     is_open = len(bore.orientations) > 1
     fewest = FEWEST_FOR_ORIENTATION if is_open else FEWEST
@@ -234,7 +232,7 @@ def _established(pairs: Sequence[LandmarkPair], bore: Bore) -> tuple[PairFit | N
 
 
 def _in_every_orientation(
-    pairs: Sequence[LandmarkPair], orientations: Sequence[Orientation], bore: Bore
+    pairs: Sequence[LandmarkPair], orientations: Sequence[Orientation], bore: KnownBore
 ) -> list[PairFit]:
     return [fit_pairs(pairs, orientation, bore.radius_mm, bore.scale) for orientation in orientations]
 
@@ -264,21 +262,21 @@ def _with_evidence(alignment: Alignment, a: Side, b: Side) -> Alignment:
 
 def _said(
     pairs: Sequence[LandmarkPair],
-    automatic: Alignment | NotAligned,
-    used: Alignment | NotAligned,
+    automatic: SearchOutcome,
+    used: Alignment | None,
     fit: PairFit | None,
     radius_mm: float,
 ) -> ByHand:
-    found = automatic if isinstance(automatic, Alignment) else None
+    found = automatic.alignment
     before = None if found is None else residuals_mm(pairs, found, radius_mm)
-    after = residuals_mm(pairs, used, radius_mm) if isinstance(used, Alignment) else None
+    after = None if used is None else residuals_mm(pairs, used, radius_mm)
     turned = fit is not None and (
         found is None or (found.mirrored, found.z_reversed) != (fit.alignment.mirrored, fit.alignment.z_reversed)
     )
     return ByHand(
         corrected=fit is not None,
-        automatic=StoredAlignment.of(automatic if isinstance(automatic, Alignment) else automatic.best),
-        automatic_reason=None if isinstance(automatic, Alignment) else automatic.reason,
+        automatic=StoredAlignment.of(found or automatic.best),
+        automatic_reason=None if found else automatic.reason,
         scale_share=0.0 if fit is None else fit.scale_share,
         orientation_by_pairs=turned,
         moved=None if fit is None or found is None or turned else _moved(found, fit.alignment, pairs, radius_mm),

@@ -29,7 +29,7 @@ BLOCK_SAMPLES = 1 << 15
 
 
 @dataclass(frozen=True)
-class Fit:
+class Bending:
     """An alignment, and how θ bends besides: a twist, rad per mm of z, and the coefficients of the waves, rad."""
 
     alignment: Alignment
@@ -137,7 +137,7 @@ def waves(theta_rad: Coordinates) -> Coordinates:
     return np.ascontiguousarray(harmonics(theta_rad, range(1, WAVES + 1)).T)
 
 
-def equations(of: Level, fit: Fit) -> Equations | None:
+def equations(of: Level, fit: Bending) -> Equations | None:
     """Return the equations of a step from ``fit``; None where the two hardly overlap or one is constant there."""
     overlap = _overlap(of, fit)
     if overlap is None or overlap.count < FEWEST_SAMPLES:
@@ -175,7 +175,7 @@ def equations(of: Level, fit: Fit) -> Equations | None:
     return Equations(normal, slope, overlap.middle_mm, correlation, residuals)
 
 
-def _overlap(of: Level, fit: Fit) -> _Overlap | None:
+def _overlap(of: Level, fit: Bending) -> _Overlap | None:
     """Return the fine side interpolated where samples of the coarse one meet it; None where none does."""
     fine, coarse, alignment = of.fine, of.coarse, fit.alignment
     (n_z, n_theta), n_columns = fine.values.shape, coarse.values.shape[1]

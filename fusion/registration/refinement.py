@@ -10,25 +10,26 @@ from endoct.base.numeric.circle import largest_divisor
 from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.geometry.placement import column_weights, resample
-from endoct.fusion.registration.equations import MOVES, WAVES, Equations, Fit, Level, equations, level, waves
+from endoct.fusion.registration.equations import MOVES, WAVES, Bending, Equations, Level, equations, level, waves
 
 BLURS_MM = (0.12, 0.06, 0.03)
 FINER_MM = (0.015, 0.0075)
-"""Further blurs, for two sides that are both sampled no wider than that."""
+"""Further blurs, for two sides that are both sampled at least this finely."""
 SAMPLES_A_BLUR = (4, 1)
 """Samples in one sigma of a blur, of the side that is interpolated and of the one that is not."""
 ROUNDS = 12
 FARTHEST_MM = 0.5
 """A refinement that leaves the search's peak by more has lost it."""
 TONE, FINE_TONE = 1, 3
-"""Degree of the polynomial by which the values of one side depend on the other's. Gamma, saturation or a logarithm bend
-it, and so move fine edges. Where edges are wide anyway, a bent one would rather follow what the light's fit leaves."""
+"""Degree of the polynomial that maps one side's values to the other's, coarse and fine. Gamma, saturation or a
+logarithm bend it, which moves fine edges. Where edges are wide, a bent one would follow what the fit of the light
+leaves."""
 STILL, LAST_STILL = 1e-3, 1e-5
 """A step below this share of the blur ends a level; below the second, the last level. Below 1e-6 it is rounding."""
 MEMORY = 3
-"""The next step is extrapolated from the course of so many."""
+"""Number of steps from whose course the next one is extrapolated."""
 BOLDEST = 4.0
-"""An extrapolated step may go so many times as far as the plain one."""
+"""How many times as far as the plain step an extrapolated one may go."""
 
 
 def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[float, float]) -> Alignment:
@@ -45,7 +46,7 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     if a.dz_mm > b.dz_mm:
         low, high = z_scale_range
         return refine(b, a, start.inverse(), (1 / high, 1 / low)).inverse()
-    fit = Fit(start, np.zeros(1 + 2 * WAVES))
+    fit = Bending(start, np.zeros(1 + 2 * WAVES))
     coarsest_mm = max(b.dz_mm, b.column_mm, a.column_mm)
     blurs_mm = *BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)
     for sigma_mm in blurs_mm:
@@ -91,7 +92,7 @@ def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:
     return replace(evidence, values=values, valid=valid)
 
 
-def _gauss_newton(of: Level, start: Fit, z_scale_range: tuple[float, float], still_mm: float) -> Fit:
+def _gauss_newton(of: Level, start: Bending, z_scale_range: tuple[float, float], still_mm: float) -> Bending:
     """Return ``start``, improved until it moves by less than ``still_mm``; unchanged where too little is known."""
     length_mm, radius_mm = float(np.ptp(of.coarse.z_mm)), of.coarse.radius_mm
     # how far a change by 1 of each unknown moves the wall
@@ -139,15 +140,15 @@ def _extrapolated(places: list[Coordinates], steps: list[Coordinates], reach_mm:
     return bold if np.linalg.norm(bold * reach_mm) <= farthest else step
 
 
-def _unknowns(fit: Fit, middle_mm: float) -> Coordinates:
+def _unknowns(fit: Bending, middle_mm: float) -> Coordinates:
     alignment = fit.alignment
     shift_mm = alignment.z_shift_mm + alignment.z_scale * middle_mm
     return np.concatenate([[alignment.theta_shift_rad, shift_mm, alignment.z_scale], fit.bends])
 
 
 def _fit_at(
-    there: Coordinates, before: Fit, middle_mm: float, z_scale_range: tuple[float, float], correlation: float
-) -> Fit:
+    there: Coordinates, before: Bending, middle_mm: float, z_scale_range: tuple[float, float], correlation: float
+) -> Bending:
     scale = float(np.clip(there[2], *z_scale_range))
     alignment = replace(
         before.alignment,
@@ -156,7 +157,7 @@ def _fit_at(
         z_scale=scale,
         correlation=correlation,
     )
-    return Fit(alignment, there[MOVES:])
+    return Bending(alignment, there[MOVES:])
 
 
 def _covariance(of: Equations, radius_mm: float) -> Coordinates:

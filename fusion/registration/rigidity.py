@@ -21,9 +21,10 @@ from scipy import fft
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
+from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import CLIP, Evidence, clipped, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.regions import label
 
 Spectra = NDArray[np.complex128]
 
@@ -33,9 +34,9 @@ LEAST_SAMPLES = 0.5
 """Share of a part's samples that must meet observed wall wherever it is compared."""
 SECTORS = 4
 FAR_MM = 0.16
-"""Parts that lie farther from where they should, around the bore or along it, are out of place."""
+"""A part that lies farther off than this, around the bore or along it, is out of place."""
 SAME_PLACE_MM = 0.16
-"""The place where a band belongs may differ by so much from that of the other band."""
+"""How far the place where a band fits may be from that of the other band, for the two to have changed places."""
 APART_MM = 0.1
 """Arcs that lie farther apart around the bore were turned. Those of 32 sound recordings (seeds 0–31) lie 0.074 mm apart
 at most. Those of turns with a step of 0.15 rad lie 0.11 to 0.20 mm apart, of 0.2 rad 0.16 mm and more (10 each)."""
@@ -47,7 +48,7 @@ them in both halves."""
 
 
 @dataclass(frozen=True)
-class Fit:
+class PartFit:
     """Where a part fits best, ``along_mm`` and ``around_mm`` from where the alignment puts it, and how it correlates.
 
     ``around_mm`` is known to a fraction of a sample. ``correlation`` is that there, and that where the alignment puts
@@ -93,21 +94,15 @@ def part_of(evidence: Evidence, where: Mask) -> Evidence:
     return replace(evidence, valid=evidence.valid & where)
 
 
-def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> Fit:
+def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> PartFit:
     """Return where ``part`` fits ``a`` best, both on one grid, within ``reach_mm`` along and ``reach_rad`` around."""
     rows, columns = round(reach_mm / STEP_MM), round(reach_rad / (2 * np.pi) * N_THETA)
     correlation = _correlations(a, part, rows, columns)
     row, column = map(int, np.unravel_index(int(np.argmax(correlation)), correlation.shape))
     best, here = float(correlation[row, column]), float(correlation[rows, columns])
-    around = column - columns + _summit(correlation[row, max(0, column - 1) : column + 2])
-    return Fit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
-
-
-def _summit(three: Coordinates) -> float:
-    """Return where the parabola through three samples has its top, from the middle one; 0 where it has none."""
-    if three.size < 3 or (bent := three[0] - 2 * three[1] + three[2]) >= 0:
-        return 0.0
-    return float(0.5 * (three[0] - three[2]) / bent)
+    three = correlation[row, max(0, column - 1) : column + 2]
+    around = column - columns + float(vertex(*three) if three.size == 3 else 0.0)
+    return PartFit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
 
 
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
@@ -252,7 +247,7 @@ class _Fitted:
     kind: Literal["band", "sector"]
     first: float
     last: float
-    fit: Fit
+    fit: PartFit
     lone: bool = False  # whether it shows a single cell
 
     @property

@@ -17,7 +17,7 @@ from endoct.fusion.evidence.evidence import Evidence, blurred, on_grid, reorient
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Orientation
 
 PIECE_MM2 = 0.25
-"""Area of one independent piece of wall: as the search sees it, the evidence on it hangs together."""
+"""Area over which the evidence is correlated, as the search sees it: one independent piece of wall."""
 FEWEST_PIECES = 4
 SHUFFLES = 16
 SLICE_MM = 1.0

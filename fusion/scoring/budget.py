@@ -32,13 +32,13 @@ from scipy.special import ndtri
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import largest_divisor
 from endoct.base.numeric.distance import signed_distance
+from endoct.base.numeric.regions import Labels
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import FARTHEST_OUTLINE_MM, IN_PLACE, Placement, Sampling
 from endoct.fusion.result import Budget, BudgetPart, BudgetParts, NotVisible
 from endoct.fusion.scoring.cells import Cell, invisible_cells
 from endoct.fusion.scoring.intervals import RESAMPLES, SEED, percentiles, weights
 from endoct.fusion.scoring.overlap import Surface, agreement, index_of
-from endoct.fusion.segmentation.regions import Labels
 from endoct.stitching.grid import SurfaceGrid
 
 PARTS = tuple(BudgetParts.model_fields)

@@ -13,11 +13,11 @@ from scipy import sparse
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import masked_gaussian, wrap_rad
+from endoct.base.numeric.regions import Labels, quantiles
 from endoct.fusion.evidence.evidence import CLIP
 from endoct.fusion.result import CellScores, Drift, Limits, Line
 from endoct.fusion.scoring.intervals import bland_altman, ratio_interval
 from endoct.fusion.scoring.overlap import Surface
-from endoct.fusion.segmentation.regions import Labels, quantiles
 from endoct.stitching.grid import SurfaceGrid
 
 SAME_CELL = 0.5

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.regions import Labels, label_in_order, quantiles
 from endoct.fusion.result import Overlap, Strata, Stratum
 from endoct.fusion.scoring.intervals import Interval, ratio, ratio_interval
-from endoct.fusion.segmentation.regions import Labels, label_in_order, quantiles
 
 SIZE_EDGES_MM = (0.3, 0.6)
 """Sizes are parted at these diameters of the circle of a site's area."""
@@ -51,7 +51,7 @@ class Surface:
 
     @cached_property
     def labels(self) -> Labels:
-        """Its cells by number, int32 (n_z, n_theta), as :func:`endoct.fusion.segmentation.regions.label_in_order`."""
+        """Its cells by number, int32 (n_z, n_theta), as :func:`endoct.base.numeric.regions.label_in_order`."""
         return label_in_order(self.mask)
 
 

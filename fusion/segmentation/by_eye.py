@@ -4,16 +4,19 @@ Its probabilities are calibrated. So they say what Jaccard index to expect: what
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import within
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.learned.looking import (
     COARSEST_MM,
     LOOK_MM,
@@ -24,7 +27,6 @@ from endoct.fusion.segmentation.learned.looking import (
     weights_for,
 )
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
-from endoct.fusion.segmentation.regions import clean, within
 from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
 
 LEAST_PROBABILITY = 0.4
@@ -46,22 +48,25 @@ MOST_GRAIN = 0.035
 """A wall whose neighbouring samples differ by more is unlike those that an eye was trained on. 41 recordings of two
 generators have 0.009 to 0.022. Walls with noise in every sample have 0.05 and more: the eye took nearly all of them for
 cells."""
-TOO_GRAINY = "; the wall is too grainy for the learned eye"
-NOT_SURE = "; the learned eye is not sure of this wall"
-UNSURE = "cells-unsure"
 EDGE_MM = 0.05
 """What depth added or dropped lies farther than this from what brightness alone shows; edges of a coarse look are less
 exact."""
 
 
-def inputs_for(side: Side, parameters: SegmentParameters) -> Inputs:
-    """Return what an eye looks at to find the cells of ``side``, which are dark."""
-    return inputs_of(side.contrast("dark"), _relief(side, parameters), LOOK_MM)
+@dataclass(frozen=True, eq=False)
+class EyeView:
+    """What a learned eye, with its ``weights``, has before it to find the cells of a side, which are dark."""
 
+    modality: str
+    weights: Path
+    darkness: Evidence
+    relief: ParallaxRelief | None
+    inputs: Inputs
 
-def is_familiar(inputs: Inputs) -> bool:
-    """Return whether a wall looks like those that an eye was trained on."""
-    return grain(inputs) <= MOST_GRAIN
+    @property
+    def is_familiar(self) -> bool:
+        """Whether the wall looks like those that an eye was trained on."""
+        return grain(self.inputs) <= MOST_GRAIN
 
 
 def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
@@ -78,27 +83,27 @@ def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
         )
 
 
-def has_eye(side: Side, parameters: SegmentParameters) -> bool:
-    """Return whether a learned eye finds the cells of ``side``: one was trained for it, and its samples are fine."""
-    grid = side.grid
-    fine = max(grid.dz_mm, grid.dtheta_mm) <= COARSEST_MM
-    return fine and weights_for(side.panorama.modality, parameters.eye) is not None
+def view_of(side: Side, parameters: SegmentParameters) -> EyeView | None:
+    """Return what a learned eye has before it; None where none was trained for ``side``, or its samples are coarse.
+
+    Raises :class:`EndoctError` where the intensity is constant.
+    """
+    modality, grid = side.panorama.modality, side.grid
+    if max(grid.dz_mm, grid.dtheta_mm) > COARSEST_MM or (weights := weights_for(modality, parameters.eye)) is None:
+        return None
+    darkness, relief = side.contrast("dark"), side.parallax if parameters.by_depth else None
+    return EyeView(modality, weights, darkness, relief, inputs_of(darkness, relief, LOOK_MM))
 
 
 def cells_by_eye(
-    side: Side, parameters: SegmentParameters, inputs: Inputs, polarity_from: str | None = None
+    view: EyeView, parameters: SegmentParameters, polarity_from: str | None = None
 ) -> tuple[Segmentation, float]:
-    """Return the cells of ``side``, which are dark, as the learned eye sees them in ``inputs``, cleaned on the circle.
+    """Return the cells that a learned eye sees, cleaned on the circle, and the Jaccard index that it expects of them.
 
-    With them comes the Jaccard index that it expects of them.
-
-    Raises :class:`EndoctError` where the intensity is constant, or the eye's weights are damaged.
+    Raises :class:`EndoctError` where the eye's weights are damaged.
     """
-    darkness, relief = side.contrast("dark"), _relief(side, parameters)
-    weights, valid = weights_for(side.panorama.modality, parameters.eye), darkness.valid
-    if weights is None:
-        raise EndoctError(f"no eye was trained for {side.panorama.modality} panoramas", remedy="set eye to 'off'")
-    probability = look(weights, darkness, relief, inputs)
+    darkness, relief, valid = view.darkness, view.relief, view.darkness.valid
+    probability = look(view.weights, darkness, relief, view.inputs)
 
     def cells_of(image: Image) -> Mask:
         probable = valid & (image > LEAST_PROBABILITY)
@@ -110,19 +115,15 @@ def cells_by_eye(
         without, n = cells_of(probability.without_depth), max(int(np.count_nonzero(valid)), 1)
         shares = (relief.known & valid, _beyond(mask, without, darkness), _beyond(without, mask, darkness))
         by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
-    of = f"probability of a cell, by the learned eye for {side.panorama.modality} panoramas"
+    of = f"probability of a cell, by the learned eye for {view.modality} panoramas"
     expected = expected_jaccard(probability.of_cell, mask, valid)
     doubts = tuple(_doubts(float(mask[valid].mean()), expected))
-    return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts), expected
+    return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", polarity_from, by_depth, doubts, "eye"), expected
 
 
 def _beyond(mask: Mask, other: Mask, darkness: Evidence) -> Mask:
     """Return what of ``mask`` lies farther than an edge may move from all of ``other``."""
     return mask & ~within(other, EDGE_MM / darkness.dz_mm, EDGE_MM / darkness.column_mm)
-
-
-def _relief(side: Side, parameters: SegmentParameters) -> ParallaxRelief | None:
-    return side.parallax if parameters.by_depth else None
 
 
 def is_sure(cells: Segmentation, expected: float) -> bool:
@@ -135,7 +136,7 @@ def held_against(by_eye: Segmentation, by_rules: Segmentation) -> Segmentation:
     shared, rules = (int(np.count_nonzero(mask)) for mask in (by_eye.mask & by_rules.mask, by_rules.mask))
     if not by_rules.doubts:
         believed = shared >= LEAST_SHARED * rules
-        return by_eye if believed else replace(by_rules, of=by_rules.of + NOT_SURE)
+        return by_eye if believed else replace(by_rules, eye_declined="the learned eye is not sure of this wall")
     agreement = shared / max(int(np.count_nonzero(by_eye.mask | by_rules.mask)), 1)
     if agreement >= LEAST_AGREEMENT:
         return by_eye
@@ -164,4 +165,4 @@ def _doubts(share: float, expected: float) -> Iterator[Doubt]:
             f"The learned eye is not sure of the cells: by its own probabilities they would reach a Jaccard index of "
             f"{expected:.2f} against the truth. Some may be missed, and some may be none."
         )
-        yield Doubt(UNSURE, what, value=expected, unit="1", expected=(LEAST_EXPECTED, 1.0))
+        yield Doubt("cells-unsure", what, value=expected, unit="1", expected=(LEAST_EXPECTED, 1.0))

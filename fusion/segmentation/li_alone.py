@@ -14,8 +14,8 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
 
 LEAST_RELIEF_SIGMAS = 4.0

@@ -29,10 +29,7 @@ import numpy as np
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian, masked_gaussian, pad_circle
-from endoct.fusion.evidence.evidence import Evidence, on_grid
-from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import (
-    clean,
+from endoct.base.numeric.regions import (
     eroded,
     highest_within,
     label,
@@ -42,6 +39,9 @@ from endoct.fusion.segmentation.regions import (
     remove_small,
     within,
 )
+from endoct.fusion.evidence.evidence import Evidence, on_grid
+from endoct.fusion.segmentation.cleaning import clean
+from endoct.fusion.segmentation.parameters import SegmentParameters
 
 COARSEST_MM = 0.06
 """Where samples lie farther apart than this, an outline looks like a fading."""

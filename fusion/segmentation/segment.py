@@ -8,6 +8,7 @@ How far cells are believed depends on what the wall around them shows.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -15,14 +16,17 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import label, looked_up, quantiles
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean, label, looked_up, quantiles
 from endoct.stitching.panorama import Panorama
 
+EyeDeclined = Literal["the wall is too grainy for the learned eye", "the learned eye is not sure of this wall"]
+"""Why a learned eye does not decide."""
 LEAST_DEPTH_MM = 0.05
 LEAST_SIGMAS = 1.5
 """What lies behind the wall by more than either, the depth or so many of its standard errors, is a cell."""
@@ -169,6 +173,8 @@ class Segmentation:
     polarity_from: how the polarity is known, in words; None where there is none.
     by_depth: how much depth by parallax changed; None where it had no say.
     doubts: why these are not to be trusted as cells.
+    by: what found them: threshold and outlines, a learned eye, a method that was chosen by name, or a mask as given.
+    eye_declined: why a learned eye that could have been asked did not find them; None where there was none, or it did.
     """
 
     mask: Mask
@@ -179,6 +185,8 @@ class Segmentation:
     polarity_from: str | None = None
     by_depth: ByDepth | None = None
     doubts: tuple[Doubt, ...] = ()
+    by: Literal["rules", "eye", "method", "mask"] = "rules"
+    eye_declined: EyeDeclined | None = None
 
 
 def find_cells(
@@ -197,7 +205,7 @@ def find_cells(
     p = parameters
     polarity: Polarity | None = None
     if evidence.kind == "mask":
-        return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None)
+        return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None, by="mask")
     li = above_li(evidence, p)
     mask, threshold, smooth = li.mask, li.threshold, li.smooth
     if evidence.kind == "relief":
@@ -242,4 +250,5 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
         )
     what = f"Cells are those of the method '{name}'; endoct does not judge how far to trust them."
     doubts = (Doubt("cells-by-method", what),)
-    return Segmentation(mask & panorama.valid, None, "1", f"cells by the method '{name}'", None, doubts=doubts)
+    of = f"cells by the method '{name}'"
+    return Segmentation(mask & panorama.valid, None, "1", of, None, doubts=doubts, by="method")

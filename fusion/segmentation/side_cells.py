@@ -11,15 +11,7 @@ from endoct.base.entry_points import OURS
 from endoct.fusion.evidence.evidence import Evidence, Polarity, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.by_eye import (
-    TOO_GRAINY,
-    cells_by_eye,
-    has_eye,
-    held_against,
-    inputs_for,
-    is_familiar,
-    is_sure,
-)
+from endoct.fusion.segmentation.by_eye import cells_by_eye, held_against, is_sure, view_of
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
@@ -59,13 +51,12 @@ def segment_side(
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
     by_rules = partial(find_cells, evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
-    if evidence.kind != "darkness" or not has_eye(side, parameters):
+    view = view_of(side, parameters) if evidence.kind == "darkness" else None
+    if view is None:
         return by_rules()
-    inputs = inputs_for(side, parameters)
-    if not is_familiar(inputs):
-        cells = by_rules()
-        return replace(cells, of=cells.of + TOO_GRAINY)
-    by_eye, expected = cells_by_eye(side, parameters, inputs, polarity_from)
+    if not view.is_familiar:
+        return replace(by_rules(), eye_declined="the wall is too grainy for the learned eye")
+    by_eye, expected = cells_by_eye(view, parameters, polarity_from)
     return by_eye if is_sure(by_eye, expected) else held_against(by_eye, by_rules())
 
 

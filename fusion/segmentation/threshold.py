@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 
 N_BINS = 65_536
 TOGETHER = 128
-"""So many bins are worked out at once, as vectors of the processor, which meanwhile counts the last ones."""
+"""Number of bins worked out at once, by vector instructions, while the last ones are counted."""
 LEAST_RANGE = 1e-300
 MOST_ROUNDS = 1000
 

@@ -24,7 +24,7 @@ from endoct.modalities.ct.label_names import OUR_NAMES, OUR_TABLE, read_label_na
 from endoct.modalities.ct.metaimage import is_metaimage, read_metaimage
 from endoct.modalities.ct.nifti import is_nifti, is_our_label_map, read_nifti
 from endoct.modalities.ct.nrrd import is_nrrd, read_nrrd
-from endoct.modalities.ct.stored import EXPECTED, SIGNS, SUFFIXES, Convention, Segment, segments_of
+from endoct.modalities.ct.stored import EXPECTED, SIGNS, Convention, Segment, segments_of
 from endoct.modalities.ct.stored import CtVolume as CtVolume
 from endoct.modalities.ct.trajectory import Point, Trajectory, as_point
 from endoct.modalities.dicom.dicom_file import is_dicom, kind_of
@@ -216,10 +216,8 @@ def _read_file(path: Path) -> CtVolume:
     for is_format, read in _FORMATS:
         if is_format(path):
             return read(path)
-    if path.name.lower().endswith(SUFFIXES):
-        found = "no DICOM, NIfTI, NRRD or MetaImage by its content"
-        raise EndoctError(f"{path} cannot be read", found=found, expected=EXPECTED)
-    raise EndoctError(f"{path} is no volume", found=path.suffix or "no suffix", expected=EXPECTED)
+    found = "no DICOM, NIfTI, NRRD or MetaImage by its content"
+    raise EndoctError(f"{path} is no volume", found=found, expected=EXPECTED)
 
 
 def _check_geometry(stored: CtVolume, path: Path) -> None:

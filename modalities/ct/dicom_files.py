@@ -23,7 +23,7 @@ NO_DICOM_SUFFIXES = frozenset(
 )  # fmt: skip
 """Files with these suffixes may lie next to slices. Any other file that is no DICOM may be a damaged slice."""
 LOOKED_AT, MOST_BELOW = 50, 200
-"""So many files of a folder, and of those below, are looked at before it counts as one without DICOM."""
+"""Number of files, in a folder and those below, that are looked at before it counts as one without DICOM."""
 SCOUT = "LOCALIZER"
 KEYWORDS = (
     *LAYOUT, "SpecificCharacterSet", "ImageType", "SOPInstanceUID", "SeriesDescription",

@@ -15,7 +15,7 @@ BONE_HU = 300.0
 MOST_HU = 3100.0
 """Bone is not brighter than this; scales of 12 bits end below it."""
 LEAST_BONE = 1e-4
-"""At least this share of the voxels is bone."""
+"""Least share of the voxels that is bone."""
 DARKEST_HU, DARK_SHARE, FEWEST_DARK = -850.0, 0.1, 10
 """The darkest tenth of the air reaches down to this. In cells of a mastoid most voxels hold some bone."""
 AIR_HU = (-1100.0, -600.0)

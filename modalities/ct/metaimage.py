@@ -75,14 +75,8 @@ def read_metaimage(path: Path) -> CtVolume:
             file.seek(start if local else 0)
             skip = 0 if local else before
             voxels = read_voxels(file, data_path, math.prod(sizes), dtype, "zlib" if packed else "raw", skip)
-    return CtVolume(
-        voxels=voxels.reshape(sizes[::-1]),
-        origin_mm=origin,
-        steps_mm=steps,
-        coordinates="lps",
-        kind="MetaImage",
-        files=(path,) if local else (path, data_path),
-    )
+    files = (path,) if local else (path, data_path)
+    return CtVolume(voxels.reshape(sizes[::-1]), origin, steps, coordinates="lps", kind="MetaImage", files=files)
 
 
 def _header(path: Path) -> tuple[dict[str, str], int]:

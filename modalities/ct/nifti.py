@@ -21,7 +21,7 @@ from endoct.modalities.ct.stored import AXES, PLACE_MM, CtVolume, read_voxels
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
 SHORTEST, FARTHEST = 348, 1_000_000_000
-"""So many bytes come before the voxels, at least and at most."""
+"""Least and greatest number of bytes before the voxels."""
 UNITS_MM = {1: 1000.0, 2: 1.0, 3: 1e-3}
 """The units of ``xyzt_units`` are m, mm and µm."""
 APART_VOXELS = 0.1

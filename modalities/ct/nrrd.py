@@ -85,15 +85,9 @@ def read_nrrd(path: Path) -> CtVolume:
         space = "".join(word[0] for word in stated.split("-")) if stated in WORDS else stated
         placed = space in SPACES
         convention, signs = SPACES.get(space, (None, (1.0, 1.0, 1.0)))
+    kind = "NRRD" if segments is None else "NRRD, a segmentation of 3D Slicer"
     return CtVolume(
-        voxels=voxels,
-        origin_mm=scale * origin * signs,
-        steps_mm=scale * steps * signs,
-        coordinates=convention,
-        placed=placed,
-        kind="NRRD" if segments is None else "NRRD, a segmentation of 3D Slicer",
-        files=files,
-        segments=segments,
+        voxels, scale * origin * signs, scale * steps * signs, convention, kind, files, segments, placed=placed
     )
 
 

@@ -145,22 +145,16 @@ def named_file(header: Path, name: object) -> Path:
 
     Raises :class:`EndoctError` for any other place, and for a list or a pattern of files.
     """
-    if not isinstance(name, str) or not name or name.split()[0].upper() == "LIST" or "%" in name:
+    several = not isinstance(name, str) or not name or name.split()[0].upper() == "LIST" or "%" in name
+    one = str(name).removeprefix("./")
+    if several or "/" in one or "\\" in one:
         raise EndoctError(
-            f"{header} has its voxels in several files",
-            found=f"{name!r}"[:60],
-            expected="one file",
-            remedy="save it as one file, .nrrd or .mha",
-        )
-    name = name.removeprefix("./")
-    if "/" in name or "\\" in name:
-        raise EndoctError(
-            f"{header} names a file that does not lie next to it",
+            f"{header} {'has its voxels in several files' if several else 'names a file that does not lie next to it'}",
             found=f"{name!r}"[:80],
-            expected="the name of a file in its folder",
+            expected="the name of one file in its folder",
             remedy="save it as one file, .nrrd or .mha",
         )
-    return inside(header.parent, name, str(header))
+    return inside(header.parent, one, str(header))
 
 
 def read_voxels(

@@ -202,9 +202,7 @@ class _Bounded(BufferedReader):
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Return up to ``size`` bytes."""
-        if (
-            size is None or size < 0
-        ):  # only what is to be inflated is asked for whole, and nobody knows how far that grows
+        if size is None or size < 0:  # to be inflated, and nobody knows how far that grows
             raise ValueError("DICOM that is deflated as a whole; export it uncompressed")
         return super().read(min(size, max(0, os.fstat(self.fileno()).st_size - self.tell())))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.flatfield import FlatField
-from endoct.modalities.endoscope.frame_places import Places
+from endoct.modalities.endoscope.frame_places import FramePlaces
 from endoct.modalities.endoscope.frames import Frames
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
@@ -66,7 +66,7 @@ class EndoscopeCalibration:
 
 
 def per_frame_values(
-    frames: Frames, motion: Motion, centring: Centring, places: Places, exposure: Coordinates
+    frames: Frames, motion: Motion, centring: Centring, places: FramePlaces, exposure: Coordinates
 ) -> dict[str, NDArray[Any]]:
     """Return the numbers per frame, in recording order."""
     feed, optics, annuli = motion.feed, motion.band.optics, frames.annuli

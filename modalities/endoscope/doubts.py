@@ -14,23 +14,23 @@ from endoct.modalities.endoscope.mirror.ring_search import NOT_ROUND, FoundRing,
 from endoct.stitching.motion.feed import Feed
 
 FARTHEST_APART = 0.06
-"""Centres of a mirror's rims are no farther apart, as a part of the outer radius. They are below 0.025 in both
-simulators, and at 0.12 where the end of a bore was taken for a rim."""
+"""Largest distance between the centres of a mirror's rims, as a share of the outer radius. It is below 0.025 in both
+simulators, and 0.12 where the end of a bore was taken for a rim."""
 MOST_SPREAD = 0.015
-"""The middle half of the frames have radii of a rim within this part of the outer radius. It is below 0.005 in both
-simulators."""
+"""Largest interquartile range of a rim's radius over the frames, as a share of the outer radius. It is below 0.005 in
+both simulators."""
 MOST_SATURATED = 0.25
 DARK_CIRCLE = 0.4
-"""No wall is darker than this part of its brightness in the brightest frame for three quarters of the way around. It
-is above 0.75 in both simulators, and 0.11 beyond the end of a bore."""
+"""Least brightness of a wall over three quarters of the way around, as a share of that in the brightest frame. It is
+above 0.75 in both simulators, and 0.11 beyond the end of a bore."""
 LEAST_MATCHED = 0.5
 STILL_WITHIN = 0.25
-"""At most this part of the movement in the ring may be inside it. Noise makes 0.2 of it at the faintest light."""
+"""Largest movement inside the ring, as a share of that in it. Noise alone makes 0.2 at the faintest light."""
 
 
 @dataclass(frozen=True)
 class RingEvidence:
-    """What of the ring can be judged, all of it ratios.
+    """Ratios by which the ring is judged.
 
     ``apart``: of its rims' centres, over the outer radius. ``spread``: by how much the middle half of the frames differ
     in the inner and in the outer rim's radius, over the outer radius; None where too few show them. ``darkest``: least

@@ -48,7 +48,7 @@ class FlatField:
     def transmission(self, rows: Coordinates, columns: Coordinates, room: Room | None = None) -> Image:
         """Return how much light there is at every pair of fractional rows and columns, θ a circle; NaN under dirt.
 
-        Interpolated bilinearly, dirt as well: under it is what mostly is. An array of ``room``, if any.
+        Interpolated bilinearly, and so is dirt: a place is dirty where most of it is. An array of ``room``, if any.
         """
         light: Image = (room or Room()).array("light", (rows.size, columns.size))
         _pairs(self.log_light, self.usable, rows, np.mod(columns, self.usable.shape[1]), light)

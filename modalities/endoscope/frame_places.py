@@ -16,11 +16,11 @@ from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.stitching.motion.feed import Feed
 
 DOUBTED_FEED, SURE_OF_FEED = 0.1, 2.5
-"""Measured and nominal feed contradict each other from this difference on: relative, and in standard errors."""
+"""Measured and nominal feed contradict each other if they differ by more: relative, and in standard errors."""
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class FramePlaces:
     """``z_mm`` (0 nearest the mouth) and ``roll_rad`` of every frame, float64 (n,), and ``sway_rad``, (n, 2).
 
     θ of the wall is image angle + roll + sway · (cos, sin) of their sum. ``doubts``: what questions where all lies.
@@ -38,7 +38,7 @@ def place_frames(
     nominal: Coordinates | None,
     acquisition: EndoscopeAcquisition,
     parameters: EndoscopeParameters,
-) -> tuple[Places, tuple[str, ...]]:
+) -> tuple[FramePlaces, tuple[str, ...]]:
     """Return the places of all frames, and notes on them.
 
     Raises :class:`EndoctError` where neither the frames nor the sidecar give the feed.
@@ -65,7 +65,7 @@ def place_frames(
     if centring.axis is not None:
         radius_mm = motion.band.optics.bore_radius_mm
         sway_rad = sway_rad + centring.axis.sway_rad(float(np.median(roll_rad)), radius_mm)
-    return Places(z_mm, roll_rad, sway_rad, _doubts_of_feed(feed, nominal)), notes
+    return FramePlaces(z_mm, roll_rad, sway_rad, _doubts_of_feed(feed, nominal)), notes
 
 
 def _notes_on_pairs(feed: Feed, nominal: Coordinates | None) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ BIT_DEPTHS = (8, 10, 12, 14, 16)
 SATURATED = 0.99
 DARKEST = 0.002
 UNSEEN = 1e12
-"""Pixels that say nothing are this bright: the least share of one makes a sample brighter than any that is seen."""
+"""Brightness given to unusable pixels: the least share of one makes a sample brighter than any real one."""
 
 
 def full_scale(samples: NDArray[Any]) -> float:

@@ -33,7 +33,7 @@ from endoct.stitching.strip import Strip
 FEWEST_PAIRS = 5
 """At least this many pairs of neighbouring frames must match. Fewer say nothing about the recording as a whole."""
 SURE_STRETCH = 3.0
-"""The feed must be uneven by so many standard errors before another cone is assumed."""
+"""Another cone is assumed only where the feed is uneven by this many standard errors."""
 LARGEST = 0.1
 """A larger offset, as a part of the bore's radius, is no probe off its axis but a drift that was measured wrongly."""
 MOST_TILT = 0.2

@@ -1,4 +1,4 @@
-"""What of the endoscope's processing can be chosen."""
+"""Settings of the endoscope's processing."""
 
 from pydantic import BaseModel, ConfigDict, Field
 

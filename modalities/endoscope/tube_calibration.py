@@ -1,6 +1,7 @@
 """Calibration of a cone-mirror endoscope by a recording of a printed tube."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import cast
@@ -28,8 +29,8 @@ from endoct.modalities.endoscope.tube_marks import (
     find_marks,
     on_tube,
 )
-from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import Pose, check_rings, clear_pose
+from endoct.modalities.tube.fitting import TubeFit
+from endoct.modalities.tube.locating import TubePose, check_rings, clear_pose
 from endoct.modalities.tube.measurement import (
     KeyValue,
     Measurement,
@@ -61,9 +62,19 @@ class _Fitted:
     """The model with its points, its fit, and where circles lie on the tube: z of frames' apex, and their turn."""
 
     model: TubeModel
-    fit: Fit
+    fit: TubeFit
     apex_mm: Coordinates
     turn_rad: Coordinates
+
+    @property
+    def optics(self) -> ConeOptics:
+        """The lens and the mirror as they were fitted."""
+        return optics_of(self.model, self.fit.values)
+
+    @property
+    def sigma(self) -> Coordinates:
+        """Standard errors of the fitted values, float64 (n,)."""
+        return np.sqrt(np.diag(self.fit.covariance))
 
 
 def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, target: Target) -> Measurement:
@@ -86,7 +97,7 @@ def calibrate_endoscope(stream: FrameStream, parameters: EndoscopeParameters, ta
     return _measurement(acquisition, calibration, darkness, pose, fitted)
 
 
-def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: Pose, target: Target) -> _Fitted:
+def _fit(darkness: Darkness, calibration: EndoscopeCalibration, pose: TubePose, target: Target) -> _Fitted:
     optics, sign = calibration.optics, calibration.optics.rim_sign * pose.direction
     rims = optics.inner_px, optics.outer_px
     bore_mm, floor_mm, turn = on_tube(pose, calibration, darkness.r_px, target.ring_depth_mm)
@@ -134,83 +145,70 @@ def _measurement(
     acquisition: EndoscopeAcquisition,
     calibration: EndoscopeCalibration,
     darkness: Darkness,
-    pose: Pose,
+    pose: TubePose,
     fitted: _Fitted,
 ) -> Measurement:
-    model, fit, target = fitted.model, fitted.fit, fitted.model.target
-    optics, values = optics_of(model, fit.values), fit.values
-    sigma = np.sqrt(np.diag(fit.covariance))
-    middle_px = np.array([(optics.inner_px + optics.outer_px) / 2])
-
-    def derived(values: Coordinates) -> Coordinates:
-        of = optics_of(model, values)
-        slant = np.degrees(np.arctan(of.slant(np.array([of.inner_px, float(middle_px[0]), of.outer_px]))))
-        mm_per_px = np.abs(np.diff(of.z_mm(middle_px + np.array([-0.5, 0.5]))))
-        return np.concatenate([[of.visible_length_mm], mm_per_px, slant, of.distortion])
-
-    numbers, errors = derived(values), fit.sigma_of(derived)
-    stretched = np.hypot(errors[:2], numbers[:2] * target.stretch_sigma)
-    stretched[0] = np.hypot(stretched[0], math.sqrt(2) * RIM_PX * numbers[1])
-    annulus = calibration.annuli[0]
     inward = pose.direction * (calibration.z_mm[-1] - calibration.z_mm[0]) > 0
     first = int(np.argmin(fitted.apex_mm))
     theta_rad = float(np.mod(fitted.turn_rad[first], 2 * np.pi))
-    half_angle_deg = math.degrees(values[ANGLE])
-    keys: dict[str, KeyValue] = {
-        "cone_half_angle_deg": half_angle_deg,
+    quantities = [
+        *_optical(fitted),
+        Quantity("theta_origin_rad", "θ of the image's +x axis", theta_rad, _turn_sigma(fitted, first), "rad"),
+    ]
+    keys = _keys(calibration, fitted) | {"travel": "in" if inward else "out", "theta_origin_rad": theta_rad}
+    if (feed := _feed(acquisition, fitted)) is not None:
+        keys["feed_pitch_mm"], error = feed
+        error = math.hypot(error, feed[0] * fitted.model.target.stretch_sigma)
+        quantities.append(Quantity("feed_pitch_mm", "feed between frames", feed[0], error, "mm"))
+    doubts = _doubts(acquisition, pose, inward, fitted)
+    return Measurement(keys, tuple(quantities), _panels(darkness, fitted), doubts)
+
+
+def _keys(calibration: EndoscopeCalibration, fitted: _Fitted) -> dict[str, KeyValue]:
+    """Return what the sidecar says of the optics and of the annulus, which is that of the first frame."""
+    optics, annulus = fitted.optics, calibration.annuli[0]
+    return {
+        "cone_half_angle_deg": math.degrees(fitted.fit.values[ANGLE]),
         "focal_px": optics.focal_px,
         "mirror_distance_mm": optics.mirror_distance_mm,
         "distortion": optics.distortion,
-        "outer_rim": "ahead" if model.sign > 0 else "behind",
+        "outer_rim": "ahead" if fitted.model.sign > 0 else "behind",
         "annulus": {
             "x": float(annulus.columns(np.float64(annulus.outer_x_px))),
             "y": annulus.outer_y_px,
             "inner_px": annulus.inner_px,
             "outer_px": annulus.outer_px,
         },
-        "travel": "in" if inward else "out",
-        "theta_origin_rad": theta_rad,
     }
-    quantities = [
-        Quantity("mm_per_px", "mm along z per pixel, mid annulus", float(numbers[1]), float(stretched[1]), "mm"),
-        Quantity("visible_length_mm", "length that the annulus shows", float(numbers[0]), float(stretched[0]), "mm"),
-        Quantity("slant_inner_deg", "slant of the view, inner rim", float(numbers[2]), float(errors[2]), "deg"),
-        Quantity("slant_deg", "slant of the view, mid annulus", float(numbers[3]), float(errors[3]), "deg"),
-        Quantity("slant_outer_deg", "slant of the view, outer rim", float(numbers[4]), float(errors[4]), "deg"),
-        Quantity(
-            "cone_half_angle_deg",
-            "half angle of the cone",
-            math.degrees(values[ANGLE]),
-            math.degrees(sigma[ANGLE]),
-            "deg",
-        ),
-        Quantity("focal_px", "focal length", optics.focal_px, optics.focal_px * float(sigma[FOCAL]), "px"),
-        Quantity(
-            "mirror_distance_mm",
-            "pupil to apex",
-            optics.mirror_distance_mm,
-            optics.mirror_distance_mm * float(sigma[DISTANT]),
-            "mm",
-        ),
-        Quantity("distortion", "k1 of the lens", float(numbers[5]), float(errors[5]), "1"),
-        Quantity("theta_origin_rad", "θ of the image's +x axis", theta_rad, _turn_sigma(fitted, first), "rad"),
-    ]
-    feed = _feed(acquisition, fitted)
-    if feed is not None:
-        value, error = feed
-        keys["feed_pitch_mm"] = value
-        quantities.append(
-            Quantity(
-                "feed_pitch_mm", "feed between frames", value, math.hypot(error, value * target.stretch_sigma), "mm"
-            )
-        )
-    doubts = _doubts(acquisition, pose, inward, fitted, sigma)
-    return Measurement(
-        keys,
-        tuple(quantities),
-        _panels(darkness, fitted, optics),
-        doubts,
-    )
+
+
+def _optical(fitted: _Fitted) -> Iterator[Quantity]:
+    """Yield the quantities of the optics; lengths err by the tube's own error too, that of the annulus by its rims."""
+    optics, sigma, stretch = fitted.optics, fitted.sigma, fitted.model.target.stretch_sigma
+    middle_px = (optics.inner_px + optics.outer_px) / 2
+
+    def derived(values: Coordinates) -> Coordinates:
+        of = optics_of(fitted.model, values)
+        slant = np.degrees(np.arctan(of.slant(np.array([of.inner_px, middle_px, of.outer_px]))))
+        mm_per_px = np.abs(np.diff(of.z_mm(middle_px + np.array([-0.5, 0.5]))))
+        return np.concatenate([[of.visible_length_mm], mm_per_px, slant, of.distortion])
+
+    numbers, errors = derived(fitted.fit.values), fitted.fit.sigma_of(derived)
+    errors[:2] = np.hypot(errors[:2], numbers[:2] * stretch)
+    errors[0] = np.hypot(errors[0], math.sqrt(2) * RIM_PX * numbers[1])
+    half_angle, focal, distance = math.degrees(fitted.fit.values[ANGLE]), optics.focal_px, optics.mirror_distance_mm
+    for name, title, value, error, unit in (
+        ("mm_per_px", "mm along z per pixel, mid annulus", numbers[1], errors[1], "mm"),
+        ("visible_length_mm", "length that the annulus shows", numbers[0], errors[0], "mm"),
+        ("slant_inner_deg", "slant of the view, inner rim", numbers[2], errors[2], "deg"),
+        ("slant_deg", "slant of the view, mid annulus", numbers[3], errors[3], "deg"),
+        ("slant_outer_deg", "slant of the view, outer rim", numbers[4], errors[4], "deg"),
+        ("cone_half_angle_deg", "half angle of the cone", half_angle, math.degrees(sigma[ANGLE]), "deg"),
+        ("focal_px", "focal length", focal, focal * sigma[FOCAL], "px"),
+        ("mirror_distance_mm", "pupil to apex", distance, distance * sigma[DISTANT], "mm"),
+        ("distortion", "k1 of the lens", numbers[5], errors[5], "1"),
+    ):
+        yield Quantity(name, title, float(value), float(error), unit)
 
 
 def _turn_sigma(fitted: _Fitted, frame: int) -> float:
@@ -235,13 +233,7 @@ def _feed(acquisition: EndoscopeAcquisition, fitted: _Fitted) -> tuple[float, fl
     return pitch_mm * abs(float(slope[0])), max(error, pitch_mm * float(np.sqrt(covariance[0, 0])))
 
 
-def _doubts(
-    acquisition: EndoscopeAcquisition,
-    pose: Pose,
-    inward: bool,
-    fitted: _Fitted,
-    sigma: Coordinates,
-) -> tuple[Doubt, ...]:
+def _doubts(acquisition: EndoscopeAcquisition, pose: TubePose, inward: bool, fitted: _Fitted) -> tuple[Doubt, ...]:
     doubts = list(doubts_of_travel(acquisition.travel, inward))
     if pose.sense < 0:
         doubts.append(
@@ -251,13 +243,13 @@ def _doubts(
                 "tube's other end with its travel stated wrongly: turn the images over before they are unrolled.",
             )
         )
-    if max(sigma[DISTANT], sigma[FOCAL]) > ALONE_SIGMAS:
+    if (apart := max(fitted.sigma[DISTANT], fitted.sigma[FOCAL])) > ALONE_SIGMAS:
         doubts.append(
             Doubt(
                 "optics-not-separable",
-                f"Distance and focal length are told apart to {max(sigma[DISTANT], sigma[FOCAL]):.0%} alone: z of a "
+                f"Distance and focal length are told apart to {apart:.0%} alone: z of a "
                 "radius and the slant of the view are known much better, and only together do these numbers give them.",
-                value=float(max(sigma[DISTANT], sigma[FOCAL])),
+                value=float(apart),
                 unit="1",
             )
         )
@@ -266,8 +258,8 @@ def _doubts(
     return (*doubts, *doubts_of_origin(spread, ROLLING_RAD, because + "nearest the mouth."))
 
 
-def _panels(darkness: Darkness, fitted: _Fitted, optics: ConeOptics) -> tuple[Panel, ...]:
-    model, fit = fitted.model, fitted.fit
+def _panels(darkness: Darkness, fitted: _Fitted) -> tuple[Panel, ...]:
+    model, fit, optics = fitted.model, fitted.fit, fitted.optics
     marks, target = model.marks, model.target
     helical = marks.line == HELICAL
     r_px = darkness.r_px

@@ -18,7 +18,7 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.modalities.endoscope.tube_marks import HELICAL, Marks
-from endoct.modalities.tube.fitting import LEAST_SIGMA, STRAY_SIGMAS, Fit, fit_model
+from endoct.modalities.tube.fitting import LEAST_SIGMA, STRAY_SIGMAS, TubeFit, fit_model
 from endoct.modalities.tube.target import Target
 
 ANGLE_DEG, DISTANCE, DISTORTION = 8.0, 1.2, 0.02
@@ -167,7 +167,7 @@ class TubeModel:
         """Return which points lie at one place of the tube and err alike, whichever frame shows them."""
         return 1000 * self.marks.line + np.floor(self.marks.z_mm / CLUSTER_MM).astype(np.intp)
 
-    def fit(self, start: Coordinates) -> Fit:
+    def fit(self, start: Coordinates) -> TubeFit:
         """Return the parameters that fit the helical groove best. Raises :class:`NotSeen` where none do.
 
         The axial groove only gives how frames are rolled. Its points in a frame err together as the probe wanders, and
@@ -182,7 +182,7 @@ class TubeModel:
         scale = SIGMA_PER_MEDIAN * float(np.median(np.abs(off_mm[~helical]))) if (~helical).any() else 0.0
         kept = np.abs(off_mm) < STRAY_SIGMAS * max(scale, LEAST_SIGMA)
         kept[helical] = fit.kept
-        return Fit(fit.values, fit.covariance, kept, off_mm)
+        return TubeFit(fit.values, fit.covariance, kept, off_mm)
 
 
 def optics_of(model: TubeModel, values: Coordinates) -> ConeOptics:

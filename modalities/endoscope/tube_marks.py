@@ -13,7 +13,7 @@ from endoct.modalities.endoscope.flatfield import estimate_flat_field, frame_exp
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.band import RIM_PX, Circles, sample
-from endoct.modalities.tube.locating import COLUMNS, STEP_MM, Pose
+from endoct.modalities.tube.locating import COLUMNS, STEP_MM, TubePose
 from endoct.modalities.tube.target import Target
 
 N_CIRCLES, N_ANGLES = 64, 1024
@@ -202,7 +202,7 @@ def _middles(
 
 
 def on_tube(
-    pose: Pose, calibration: EndoscopeCalibration, r_px: Coordinates, ring_depth_mm: float
+    pose: TubePose, calibration: EndoscopeCalibration, r_px: Coordinates, ring_depth_mm: float
 ) -> tuple[Coordinates, Coordinates, Coordinates]:
     """Return z of circles at the bore and at rings' floors (n_frames, n), and turns of frames, as a pose has them."""
     along = calibration.z_mm[:, None] + calibration.optics.z_mm(r_px)

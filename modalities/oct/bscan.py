@@ -24,7 +24,7 @@ from endoct.modalities.oct.parameters import OctParameters
 
 _ROOM = Room()
 ROWS_TOGETHER = 32
-"""So many rows of a page are turned over at once: 900 kB of 14 000 A-scans, which stay in a processor's cache."""
+"""Rows of a page that are transposed together: 900 kB of 14 000 A-scans, which fit a processor's cache."""
 LEAST_SHARE = 1e-3
 """A smaller part of an A-scan at a sector's edge does not count."""
 MOST_COLUMNS = 2048

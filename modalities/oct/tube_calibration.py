@@ -28,8 +28,8 @@ from endoct.modalities.oct.tube_fit import (
     refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
-from endoct.modalities.tube.fitting import Fit
-from endoct.modalities.tube.locating import COLUMNS, Pose, check_rings, clear_pose
+from endoct.modalities.tube.fitting import TubeFit
+from endoct.modalities.tube.locating import COLUMNS, TubePose, check_rings, clear_pose
 from endoct.modalities.tube.measurement import (
     KeyValue,
     Measurement,
@@ -78,7 +78,7 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
     return _measurement(calibration, model, fit, pose, capillary_mm)
 
 
-def _locate(beams: Beams, target: Target) -> Pose:
+def _locate(beams: Beams, target: Target) -> TubePose:
     deepest = target.ring_depth_mm + target.groove_depth_mm
 
     def relief(z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
@@ -89,7 +89,7 @@ def _locate(beams: Beams, target: Target) -> Pose:
     return clear_pose(image, beams.z_mm, target, relief, SCALES)
 
 
-def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
+def _check_diameter(model: TubeModel, fit: TubeFit, capillary_mm: float) -> None:
     off, sigma = float(fit.values[WALL]), float(model.expected(capillary_mm)[1][WALL])
     if abs(off) > max(CONTRADICTION_MM, CONTRADICTION_SIGMAS * sigma):
         target = model.target
@@ -102,7 +102,7 @@ def _check_diameter(model: TubeModel, fit: Fit, capillary_mm: float) -> None:
 
 
 def _measurement(
-    calibration: OctCalibration, model: TubeModel, fit: Fit, pose: Pose, capillary_mm: float
+    calibration: OctCalibration, model: TubeModel, fit: TubeFit, pose: TubePose, capillary_mm: float
 ) -> Measurement:
     acquisition, target, values = calibration.acquisition, model.target, fit.values
     sigma = np.sqrt(np.diag(fit.covariance))
@@ -176,7 +176,7 @@ def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:
     return doubts + doubts_of_origin(spread, SURE_START_RAD, because + "of this one alone.")
 
 
-def _panels(model: TubeModel, fit: Fit) -> tuple[Panel, ...]:
+def _panels(model: TubeModel, fit: TubeFit) -> tuple[Panel, ...]:
     marks, target, values = model.marks, model.target, fit.values
     depth = marks.line == DEPTHS
     scale = math.exp(values[SCALE])

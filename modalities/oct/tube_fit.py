@@ -21,8 +21,8 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
 from endoct.modalities.oct.tube_marks import AXIAL, DEPTHS, HELICAL, SECTORS, Beams, Marks, every_depth
-from endoct.modalities.tube.fitting import Fit, fit_model
-from endoct.modalities.tube.locating import Pose
+from endoct.modalities.tube.fitting import TubeFit, fit_model
+from endoct.modalities.tube.locating import TubePose
 from endoct.modalities.tube.target import Target
 
 SURFACE_MM = 0.0015
@@ -71,7 +71,7 @@ class TubeModel:
     beams: Beams
     marks: Marks
     target: Target
-    pose: Pose
+    pose: TubePose
 
     def start(self) -> Coordinates:
         """Return parameters to begin with."""
@@ -137,7 +137,7 @@ class TubeModel:
         sector = self.marks.sector // max(1, round(CLUSTER_MM / around))
         return z * 1000 + self.marks.line * 100 + np.where(self.marks.line > 0, 0, sector)
 
-    def fit(self, capillary_sigma_mm: float) -> Fit:
+    def fit(self, capillary_sigma_mm: float) -> TubeFit:
         """Return the parameters that fit best. Raises :class:`NotSeen` where none do."""
         start = self.start()
         return fit_model(
@@ -149,9 +149,9 @@ class TubeModel:
         )
 
 
-def refined(pose: Pose, fit: Fit) -> Pose:
+def refined(pose: TubePose, fit: TubeFit) -> TubePose:
     """Return the pose that a fit gives."""
-    return Pose(
+    return TubePose(
         float(fit.values[Z]), float(fit.values[PITCH]), pose.direction, float(fit.values[THETA]), pose.sense,
         pose.correlation,
     )  # fmt: skip

@@ -16,7 +16,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
 from endoct.modalities.oct.surface.background import relative_power, spread_of_noise
 from endoct.modalities.oct.unroll import BeamProfile, profile_beams
-from endoct.modalities.tube.locating import Pose
+from endoct.modalities.tube.locating import TubePose
 from endoct.modalities.tube.target import Target
 
 EDGE_MM = 0.06
@@ -166,7 +166,7 @@ class _Row:
         return _Point(self.index, beam_rad, gap_mm, self.in_ring, groove, line, sector, bend_rad)
 
 
-def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
+def find_marks(beams: Beams, pose: TubePose, target: Target) -> Marks:
     """Return the points of the tube's marks; the ``pose`` of the pullback says roughly where they lie.
 
     Slices at the edge of a ring are left out: they may lie on either side of it.
@@ -177,7 +177,7 @@ def find_marks(beams: Beams, pose: Pose, target: Target) -> Marks:
     return _marks(points, target)
 
 
-def every_depth(beams: Beams, pose: Pose, target: Target) -> tuple[Marks, NDArray[np.intp]]:
+def every_depth(beams: Beams, pose: TubePose, target: Target) -> tuple[Marks, NDArray[np.intp]]:
     """Return the depth of every single beam of which :func:`find_marks` takes medians, and its number in its slice."""
     points, numbers = [], []
     for row in _rows(beams, pose, target):
@@ -189,7 +189,7 @@ def every_depth(beams: Beams, pose: Pose, target: Target) -> tuple[Marks, NDArra
     return _marks(points, target), np.concatenate(numbers) if numbers else np.empty(0, np.intp)
 
 
-def _rows(beams: Beams, pose: Pose, target: Target) -> Iterator[_Row]:
+def _rows(beams: Beams, pose: TubePose, target: Target) -> Iterator[_Row]:
     z_mm = pose.z_of(beams.z_mm)
     inside_ring = target.ring_inside_mm(z_mm)
     for index in map(int, np.flatnonzero(np.abs(inside_ring) > EDGE_MM)):

@@ -15,8 +15,13 @@ from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, varying
 from endoct.modalities.oct.calibration import OctCalibration
-from endoct.modalities.oct.doubts import doubts_of_floor, doubts_of_sizes, doubts_of_surface, doubts_of_turns
-from endoct.modalities.oct.line_remarks import doubts_of_lines
+from endoct.modalities.oct.doubts import (
+    doubts_of_floor,
+    doubts_of_lines,
+    doubts_of_sizes,
+    doubts_of_surface,
+    doubts_of_turns,
+)
 from endoct.modalities.oct.surface.background import (
     Bridges,
     bridge_ascan,

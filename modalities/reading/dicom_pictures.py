@@ -3,7 +3,8 @@
 Pictures are returned as they are meant to be seen: RGB, black as 0. A video lies in the file as one stream, in
 fragments; it is read in place, by what reads videos, where it is an MP4. The traps: MONOCHROME1 has white as 0; of
 uncompressed YBR two pixels may share their colours; frames have one time (FrameTime, ms) or each its own
-(FrameTimeVector); CineRate is at which rate they were taken, RecommendedDisplayFrameRate only how they are shown.
+(FrameTimeVector), and where both are there, FrameIncrementPointer says which counts; CineRate is at which rate they
+were taken, RecommendedDisplayFrameRate only how they are shown.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.video import STAMP_JITTER, ReadVideo
 from endoct.modalities.reading.video_container import FilePart, container_of
 
-KEYWORDS = ("FrameTime", "FrameTimeVector", "CineRate", "BurnedInAnnotation")
+KEYWORDS = ("FrameTime", "FrameTimeVector", "FrameIncrementPointer", "CineRate", "BurnedInAnnotation")
+FRAME_TIME = 0x0018_1063
 ALIKE = 0.02
 """Two frame rates may differ by this share and count as the same."""
 
@@ -66,8 +68,8 @@ def _states(files: Files) -> Stated:
         keys: dict[str, Any] = {}
         if kind_of(files[0]).sop_class in ENDOSCOPIC:
             keys["modality"] = "endoscope"
-        if (rate_hz := _rate(recording)) is not None:
-            keys["frame_rate_hz"] = rate_hz
+        if rates_hz := _rates(recording):
+            keys["frame_rate_hz"] = rates_hz[0][1]
         return Stated(keys, f"the DICOM header of {files[0].name if len(files) == 1 else files[0].parent.name}")
 
 
@@ -92,9 +94,11 @@ def _video(images: tuple[DicomImage, ...], remarks: Remarks) -> Frames:
 
 
 def _vector(recording: DicomRecording) -> np.ndarray[Any, np.dtype[np.float64]] | None:
-    """Return the time of every frame in s, None where the header has not one for each."""
+    """Return the time of every frame in s, None where the header has not one for each, or another element counts."""
     steps = recording.header.get("FrameTimeVector")
     if steps is None or not hasattr(steps, "__len__") or len(steps) != len(recording.frames) or len(steps) < 2:
+        return None
+    if recording.header.get("FrameIncrementPointer") == FRAME_TIME:
         return None
     numbers = np.array([float(step) for step in steps])
     if not np.isfinite(numbers).all() or (numbers[1:] <= 0).any():
@@ -104,24 +108,26 @@ def _vector(recording: DicomRecording) -> np.ndarray[Any, np.dtype[np.float64]] 
 
 def _times(recording: DicomRecording) -> tuple[Along | None, Remarks]:
     """Return when frames were taken, and a doubt where the header says so twice, and differently."""
-    rate_hz, cine_hz = _rate(recording), recording.number("CineRate")
     remarks = NONE
-    if rate_hz is not None and cine_hz and abs(rate_hz / cine_hz - 1) > ALIKE:
-        what = f"By the header's frame times there are {rate_hz:.4g} frames a second, by its CineRate {cine_hz:.4g}."
-        remarks = doubted("frame-rate-against-cine", what, rate_hz, cine_hz, "Hz")
+    (by, rate_hz), *others = _rates(recording) or [("", 0.0)]
+    if differing := [other for other in others if abs(rate_hz / other[1] - 1) > ALIKE]:
+        other, other_hz = differing[0]
+        what = f"By the header's {by} there are {rate_hz:.4g} frames a second, by its {other} {other_hz:.4g}."
+        remarks = doubted("frame-rate-against-cine", what, rate_hz, other_hz, "Hz")
     times = _vector(recording)
     along = None if times is None else Along(times, "s", "the frame times of the header", within=STAMP_JITTER)
     return along, remarks
 
 
-def _rate(recording: DicomRecording) -> float | None:
-    """Return the frame rate: by the times of frames, else by one time for all, else by the rate of the cine."""
-    if (times := _vector(recording)) is not None:
-        return float(1 / np.median(np.diff(times)))
-    if (milliseconds := recording.number("FrameTime")) is not None and milliseconds > 0:
-        return 1000 / milliseconds
-    cine_hz = recording.number("CineRate")
-    return cine_hz if cine_hz is not None and cine_hz > 0 else None
+def _rates(recording: DicomRecording) -> list[tuple[str, float]]:
+    """Return the frame rates that elements state: times of frames, one time for all, the rate of the cine."""
+    times, milliseconds = _vector(recording), recording.number("FrameTime")
+    stated = (
+        ("frame times", None if times is None else float(1 / np.median(np.diff(times)))),
+        ("frame time", 1000 / milliseconds if milliseconds else None),
+        ("CineRate", recording.number("CineRate")),
+    )
+    return [(by, rate_hz) for by, rate_hz in stated if rate_hz is not None and rate_hz > 0]
 
 
 PICTURES = Format("DICOM of an endoscope", lambda path: kind_of(path).is_pictures, _open, _states, joins=True)

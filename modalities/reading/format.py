@@ -52,6 +52,17 @@ class Format:
     folder, where ``is_folder``), and never raises; ``open`` and ``states`` take the files of one recording and raise
     :class:`~endoct.base.errors.EndoctError` where these cannot be read. ``joins``: several such files in a folder are
     one recording.
+
+    >>> import numpy as np
+    >>> def open_stack(files):
+    ...     frames = np.memmap(files[0], np.uint8, "r", offset=4).reshape(-1, 512, 1024)
+    ...     return Frames(len(frames), frames.__getitem__)
+    >>> raw = Format("a stack of ours", lambda path: path.read_bytes()[:4] == b"OURS", open_stack)
+    >>> path = Path("pullback.raw")
+    >>> path.write_bytes(b"OURS" + bytes(3 * 512 * 1024))
+    1572868
+    >>> raw.claims(path), raw.open((path,)).n_frames, raw.open((path,)).read(2).shape
+    (True, 3, (512, 1024))
     """
 
     name: str

@@ -90,14 +90,10 @@ def _read_image(path: Path) -> tuple[NDArray[Any], int, float]:
             size = os.fstat(file.fileno()).st_size
             check_array_size((size,), 1, f"{path}")
             data = file.read(size)
-        if data.startswith(_PNG):
-            image, orientation, aspect = _png(data, path)
-            return upright(image, orientation), orientation, aspect
-        if data.startswith(_JPEG):
-            image, orientation, aspect = _jpeg(data, path)
-            return upright(image, orientation), orientation, aspect
-        if data.startswith(_BMP):
-            return _bmp(data, path), UPRIGHT, 1.0
+        for start, of in ((_PNG, _png), (_JPEG, _jpeg), (_BMP, _bmp)):
+            if data.startswith(start):
+                image, orientation, aspect = of(data, path)
+                return upright(image, orientation), orientation, aspect
         raise EndoctError(said, found=f"{len(data)} bytes", expected=expected, remedy=remedy)
 
 
@@ -152,7 +148,7 @@ def _jpeg(data: bytes, path: Path) -> tuple[NDArray[Any], int, float]:
     return np.asarray(imagecodecs.jpeg8_decode(data)), orientation_in_exif(said.get("exif", b"")), aspect
 
 
-def _bmp(data: bytes, path: Path) -> NDArray[Any]:
+def _bmp(data: bytes, path: Path) -> tuple[NDArray[Any], int, float]:
     from PIL import BmpImagePlugin
 
     with BmpImagePlugin.BmpImageFile(io.BytesIO(data)) as image:
@@ -167,7 +163,7 @@ def _bmp(data: bytes, path: Path) -> NDArray[Any]:
         raise ValueError(f"{len(data)} bytes")
     if decoded.ndim == 3:
         decoded = cv2.cvtColor(decoded, cv2.COLOR_BGRA2RGB if decoded.shape[2] == 4 else cv2.COLOR_BGR2RGB)
-    return np.asarray(decoded)
+    return np.asarray(decoded), UPRIGHT, 1.0
 
 
 def _check(rows: int, columns: int, channels: int, itemsize: int, path: Path) -> None:

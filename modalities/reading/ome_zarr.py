@@ -89,9 +89,10 @@ class _ReadPlanes:
 
 def _claims(path: Path) -> bool:
     try:
-        return _image_group(path) is not None
+        _image_group(path)
     except (EndoctError, OSError):
         return False
+    return True
 
 
 def _open(files: Files) -> Frames:
@@ -112,24 +113,19 @@ def _attributes(group: Path) -> dict[str, Any] | None:
     return read_object(group / ".zattrs") if exists(group / ".zattrs") else None
 
 
-def _image_group(path: Path) -> tuple[Path, dict[str, Any]] | None:
-    """Return the group that holds the image, with its attributes; None where there is none, or there are several."""
-    attributes = _attributes(path)
-    if attributes is None:
-        return None
-    if "multiscales" in attributes:
-        return path, attributes
-    if "bioformats2raw.layout" in attributes and not exists(path / "1"):
-        below = _attributes(path / "0")
-        return None if below is None or "multiscales" not in below else (path / "0", below)
-    return None
+def _image_group(path: Path) -> tuple[Path, dict[str, Any]]:
+    """Return the group that holds the image, with its attributes. Raises :class:`EndoctError` where not one does."""
+    for group in (path, path / "0"):
+        attributes = _attributes(group) or {}
+        if "multiscales" in attributes:
+            return group, attributes
+        if "bioformats2raw.layout" not in attributes or exists(path / "1"):
+            break
+    raise EndoctError(f"{path} is no OME-Zarr image", remedy=DAMAGED)
 
 
 def _image(path: Path) -> _Image:
-    found = _image_group(path)
-    if found is None:
-        raise EndoctError(f"{path} is no OME-Zarr image", remedy=DAMAGED)
-    group, attributes = found
+    group, attributes = _image_group(path)
     with refusing(f"the multiscales of {path} cannot be used", remedy=PLAIN):
         listed = attributes["multiscales"]
         if len(listed) != 1:

@@ -41,14 +41,13 @@ def orientation_in_exif(data: bytes) -> int:
     with suppress(Exception), warnings.catch_warnings():  # of no matter is what else is wrong with it
         warnings.simplefilter("ignore")
         exif.load(data)
-        orientation = exif.get(TAG)
-        return checked(orientation) if isinstance(orientation, int) else UPRIGHT
+        return checked(exif.get(TAG))
     return UPRIGHT
 
 
-def checked(orientation: int) -> int:
+def checked(orientation: object) -> int:
     """Return ``orientation``, or 1 where there is no such one."""
-    return orientation if orientation in _MEANING else UPRIGHT
+    return next((known for known in _MEANING if known == orientation), UPRIGHT)
 
 
 def on_orientation(orientation: int) -> Remarks:

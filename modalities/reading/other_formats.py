@@ -12,6 +12,8 @@ _VIDEO = "convert it without losses: ffmpeg -i IN -c:v ffv1 OUT.mkv"
 _IMAGE = "convert its images to PNG or TIFF"
 _EXPORT = "export the B-scans as TIFF, one page a slice, or as numbered images"
 _LOOKED_AT = 4096
+STILL_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc", b"crx ")
+"""Files of these brands are photographs in the container of MP4."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +64,7 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"\0\0\0\1\x67", b"\0\0\0\1\x27", b"\0\0\0\1\x40\1"), "a video without a container", _VIDEO),
     (_begins(b"GIF87a", b"GIF89a"), "a GIF", _IMAGE),
     (lambda data: data[:4] == b"RIFF" and data[8:12] == b"WEBP", "a WebP image", _IMAGE),
-    (
-        lambda data: data[4:8] == b"ftyp" and data[8:12] in (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc"),
-        "a HEIF or AVIF image",
-        _IMAGE,
-    ),
+    (lambda data: data[4:8] == b"ftyp" and data[8:12] in STILL_BRANDS, "a HEIF, AVIF or CR3 image", _IMAGE),
     (_begins(b"\0\0\0\x0cjP  ", b"\xff\x4f\xff\x51"), "a JPEG 2000 image", _IMAGE),
     (_begins(b"\xff\x0a", b"\0\0\0\x0cJXL "), "a JPEG XL image", _IMAGE),
     (_begins(b"\x76\x2f\x31\x01"), "an OpenEXR image", _IMAGE),
@@ -75,6 +73,7 @@ _KINDS: tuple[tuple[Callable[[bytes], bool], str, str], ...] = (
     (_begins(b"II*\0\x10\0\0\0CR", b"IIU\0", b"FUJIFILM"), "a raw photograph", _IMAGE),
     (_begins(b"%PDF-"), "a PDF", _IMAGE),
     (_begins(b"NRRD000"), "an NRRD volume", _EXPORT),
+    (_begins(b"\xa5\xa7\x7d\x0c"), "a Bioptigen OCT file", _EXPORT),
     (_begins(b"PK\3\4"), "a ZIP file", "unpack it"),
     (_begins(b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0"), "an archive", "unpack it"),
 )

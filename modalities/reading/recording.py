@@ -14,7 +14,6 @@ from endoct.modalities.reading.arrays_on_disk import NPY
 from endoct.modalities.reading.dicom_pictures import PICTURES
 from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
-from endoct.modalities.reading.frame_names import read_names
 from endoct.modalities.reading.images import ReadImages, read_single
 from endoct.modalities.reading.ivoct import IVOCT
 from endoct.modalities.reading.lightlab import LIGHTLAB
@@ -66,8 +65,6 @@ class ImageStack:
         first = self._frame(0)
         self.frame_shape: tuple[int, ...] = first.shape
         self.dtype: np.dtype[Any] = first.dtype
-        if first.dtype not in SAMPLES or 0 in first.shape:
-            raise EndoctError(f"{path} holds no images", found=f"{first.dtype} {first.shape}", expected="numbers")
 
     def __len__(self) -> int:
         return self._n_frames
@@ -244,11 +241,6 @@ def gives_frames(path: Path) -> bool:
 def some_frames(stack: ImageStack) -> list[NDArray[Any]]:
     """Return the first, the middle and the last frame, of a short recording fewer. Raises what reading one does."""
     return [stack[index] for index in sorted({0, (len(stack) - 1) // 2, len(stack) - 1})]
-
-
-def image_files(folder: Path) -> list[Path]:
-    """Return the images in ``folder`` in the order of the numbers in their names."""
-    return [name.path for name in read_names(_images(folder))[0]]
 
 
 def _images(folder: Path) -> list[Path]:

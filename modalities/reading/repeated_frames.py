@@ -22,9 +22,9 @@ from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 _BLOCK = 4096
 _PARTS = 2
 ROWS, COLUMNS = 16, 1024
-"""So many rows and columns of a frame are looked at at first, which takes 20 µs."""
+"""Number of rows and columns of a frame that are looked at first, which takes 20 µs."""
 MOST_CONFIRMED = 16
-"""So many pairs are compared sample by sample, for which their frames are read again."""
+"""Number of pairs that are compared sample by sample, whose frames are read again."""
 PLAIN = b""
 """This stands for a frame of one value, which repeats nothing."""
 

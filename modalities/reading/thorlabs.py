@@ -19,6 +19,9 @@ and who met them:
   request 147). There is one apodisation for all B-scans, or one for each (SpectralRadar.h).
 - ``SpeckleAveraging/SlowAxis`` claims 1 although every place was recorded several times; repeats follow each other
   (WinetraubLab/myOCT, pull request 146).
+- A negative ``SizeReal/SizeY`` says that what is counted along y are repeats of one place (MyYo/myOCT,
+  ``yOCTLoadInterfFromFile_ThorlabsHeader.m``).
+- Members may be missing, or empty, after a copy that failed (WinetraubLab/myOCT, pull request 101).
 - Names of members are separated by ``\\`` or by ``/`` (readers differ in what they expect).
 - ``RangeZ`` is the depth of the image, of raw spectra too, whose ``SizeZ`` counts twice as many samples as the image
   has: 1.6558 mm, 2048 samples and a pixel of 1.617 µm in a public copy of a GAN632's header. The refractive index is
@@ -42,7 +45,8 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.thorlabs_file import NAME, AScans, BScan, Container, alike, is_thorlabs, open_container
+from endoct.modalities.reading.thorlabs_depth import alike
+from endoct.modalities.reading.thorlabs_file import NAME, AScans, BScan, Container, is_thorlabs, open_container
 
 LEAST_DB = -100.0
 """Samples made of complex ones, which may be 0, are no darker than this."""
@@ -88,12 +92,7 @@ def open_recording(files: Files) -> Recording:
                 expected="one .oct, or one for every stop of a pullback",
                 remedy="keep each recording in a folder of its own",
             )
-        if (each.kind, each.n_samples, each.dtype, each.n_ascans) != (
-            first.kind,
-            first.n_samples,
-            first.dtype,
-            first.n_ascans,
-        ):
+        if _shape(each) != _shape(first):
             raise EndoctError(
                 f"{each.path} differs from {first.path.name}",
                 found=_shape(each),

@@ -2,7 +2,10 @@
 
 import functools
 import re
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,22 +15,18 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size, read_start, state_of
 from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_members, read_member
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header
+from endoct.modalities.reading.thorlabs_depth import axial_pixel_mm
+from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header, regions_of
 
 Kind = Literal["raw", "real", "complex"]
 NAME = "a Thorlabs OCT file (ThorImage)"
 HEADER = "header.xml"
 MOST_HEADER_BYTES = 16_000_000
 INTENSITY, COMPLEX = "data/intensity.data", "data/complex.data"
-ALIKE = 0.01
-"""Lengths that say the same may differ by this share."""
-LEAST_PIXEL_MM, MOST_PIXEL_MM = 1e-4, 0.2
-"""Depth samples lie so far apart; what a header says beyond is of something else."""
 _SPECTRAL = re.compile(r"data/spectral([0-9]{1,9})\.data")
 _ROOT = re.compile(rf"<\s*{ROOT}\b")
 _FIRST_MEMBER = re.compile(rb"(data[\\/][A-Za-z0-9_]+\.data|Header\.xml)")
 _STORAGE = "in ThorImage choose, under Settings, to store processed data or raw spectra, and save it again"
-Split = list[tuple[tuple[int, int] | None, tuple[int, int]]]
 
 
 @dataclass(frozen=True)
@@ -90,11 +89,10 @@ def _is_thorlabs(path: Path, _: object) -> bool:
     start = read_start(path, 100)
     if not start.startswith(ZIP_START):
         return False
-    try:
+    header = None
+    with suppress(EndoctError):
         header = list_members(path).get(HEADER)
-        if header is None:
-            return False
-    except EndoctError:  # cut off, so that nothing lists its members
+    if header is None:  # cut off, so that nothing lists its members, or packed again without it
         return _FIRST_MEMBER.match(start[30:]) is not None
     try:
         data = read_member(header, MOST_HEADER_BYTES)
@@ -118,13 +116,17 @@ def _container(path: Path, _: object) -> Container:
             f"{path} is not read", found=f"samples in the order {header.axis_order[:20]}", expected="ZXY, depth fastest"
         )
     raw = [file for key, file in listed.items() if _SPECTRAL.fullmatch(key) and file.kind.startswith("Raw")]
-    raw.sort(key=lambda file: int(file.key.removeprefix("data/spectral").removesuffix(".data")))
+    raw.sort(key=_number)
     for key, kind, dtype in ((INTENSITY, "Real", np.dtype("<f4")), (COMPLEX, "Complex", np.dtype("<c8"))):
         if key in listed and listed[key].kind == kind:
             return _processed(path, header, members, listed[key], dtype, len(raw))
     if raw:
         return _raw(path, header, members, raw)
     raise _nothing_read(path, header)
+
+
+def _number(file: DataFile) -> int:
+    return int(file.key.removeprefix("data/spectral").removesuffix(".data"))
 
 
 def _processed(
@@ -140,9 +142,11 @@ def _processed(
     check_array_size((file.size_x, file.size_z), dtype.itemsize, f"a B-scan of {path}")
     n_bscans = _whole_parts(member, file.size_x * file.size_z * dtype.itemsize, "B-scans", file)
     bscans = tuple(BScan(AScans(member, k * file.size_x, file.size_x)) for k in range(n_bscans))
-    remarks = NONE
-    if n_raw:
-        remarks += Remarks(notes=("The file holds B-scans and raw spectra; the B-scans were read.",))
+    both = "The file holds B-scans and raw spectra; the B-scans were read."
+    remarks = Remarks(notes=(both,)) if n_raw else NONE
+    if (header.slices_mm or 0) < 0:
+        bscans, on_places = _one_a_place(path, bscans, header)
+        remarks += on_places
     if n_bscans != file.size_y:
         remarks += _miscounted(path, n_bscans, file.size_y)
     kind: Kind = "complex" if dtype.kind == "c" else "real"
@@ -151,6 +155,10 @@ def _processed(
 
 def _raw(path: Path, header: Header, members: dict[str, Member], files: list[DataFile]) -> Container:
     n_samples = files[-1].size_z
+    for before, after in pairwise(map(_number, files)):
+        if after != before + 1:
+            found = f"no spectra between {before} and {after}"
+            raise EndoctError(f"{path} is incomplete", found=found, remedy="copy or export it again")
     if {file.size_z for file in files} != {n_samples} or n_samples % 2:
         sizes = sorted({file.size_z for file in files})
         raise EndoctError(
@@ -172,7 +180,7 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
             apodised = AScans(member, 0, n_blocks * file.size_x)
             continue
         for k in range(n_blocks):
-            regions = _regions(file, header, path, all_in_one=alone and n_blocks == 1)
+            regions = regions_of(file, header, str(path), all_in_one=alone and n_blocks == 1)
             at = k * file.size_x
             for without, scan in regions:
                 if without is not None:
@@ -184,9 +192,8 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
         raise EndoctError(f"the spectra in {path} are no B-scans of one size", found=found)
     places, remarks = _one_a_place(path, bscans, header)
     if unlisted := sum(_SPECTRAL.fullmatch(key) is not None for key in members) - len(files):
-        remarks += doubted(
-            "thorlabs-count", f"{path.name} holds {unlisted} more spectra than its header lists.", unlisted, 0
-        )
+        what = f"{path.name} holds {unlisted} more spectra than its header lists."
+        remarks += doubted("thorlabs-count", what, unlisted, 0)
     if not header.electrons_per_count:
         note = f"The header of {path.name} does not say how many electrons a count is; levels are of counts."
         remarks += Remarks(notes=(note,))
@@ -201,33 +208,7 @@ def _raw(path: Path, header: Header, members: dict[str, Member], files: list[Dat
     return _described(Container(path, header, members, "raw", dtype, n_samples, places, None, remarks), files[-1])
 
 
-def _regions(file: DataFile, header: Header, path: Path, *, all_in_one: bool) -> Split:
-    """Return, for every B-scan in a frame, which of its A-scans were taken without the sample, if any, and with it."""
-    n_lines = file.size_x
-    if any(end > n_lines for _, end in (*file.apodised, *file.scanned)):
-        raise EndoctError(
-            f"{file.key} in {path} has fewer A-scans than its regions",
-            found=f"{n_lines}",
-            expected=f"{max(end for _, end in (*file.apodised, *file.scanned))}",
-        )
-    without = file.apodised[0] if file.apodised else None
-    if len(file.scanned) > 1:
-        return [(file.apodised[k] if k < len(file.apodised) else without, scan) for k, scan in enumerate(file.scanned)]
-    scan = file.scanned[0] if file.scanned else (without[1] if without else 0, n_lines)
-    n_bscans = (header.size_y or 1) * header.bscans_averaged
-    n_ascans = (header.size_x or 0) * header.ascans_averaged * header.spectra_averaged
-    if not all_in_one or n_bscans < 2 or not n_ascans:
-        return [(without, scan)]
-    if scan[1] - scan[0] == n_bscans * n_ascans:  # one apodisation, if any, before all of them
-        return [(without, (scan[0] + k * n_ascans, scan[0] + (k + 1) * n_ascans)) for k in range(n_bscans)]
-    block, rest = divmod(n_lines, n_bscans)
-    if rest or block <= n_ascans:
-        return [(without, scan)]
-    starts = range(0, n_lines, block)  # each with an apodisation of its own before it
-    return [((at, at + block - n_ascans), (at + block - n_ascans, at + block)) for at in starts]
-
-
-def _one_a_place(path: Path, bscans: list[BScan], header: Header) -> tuple[tuple[BScan, ...], Remarks]:
+def _one_a_place(path: Path, bscans: Sequence[BScan], header: Header) -> tuple[tuple[BScan, ...], Remarks]:
     """Return the first B-scan of every place; the others are not averaged, as turns do not begin at one angle."""
     n, places, stated = len(bscans), header.size_y or 1, header.bscans_averaged
     repeats = stated if n == places * stated else n // places if places > 1 and n % places == 0 else 1
@@ -246,8 +227,9 @@ def _one_a_place(path: Path, bscans: list[BScan], header: Header) -> tuple[tuple
 
 def _described(container: Container, file: DataFile) -> Container:
     """Return the container with its scale in depth, and with what is to be said of its header."""
-    axial_mm, remarks = _axial_pixel_mm(container, file)
     name, slices_mm = container.path.name, container.header.slices_mm
+    n_depth = container.n_samples // 2 if container.kind == "raw" else container.n_samples
+    axial_mm, remarks = axial_pixel_mm(container.header, file.range_z_mm, n_depth, name)
     if slices_mm and len(container.bscans) > 1:
         note = (
             f"The header of {name} says {slices_mm:g} mm across the B-scans: the range of the program's own scanner, "
@@ -257,34 +239,6 @@ def _described(container: Container, file: DataFile) -> Container:
     if any("_cam1" in key for key in container.members):
         remarks += Remarks(notes=(f"Of the two cameras of {name} the first was read.",))
     return replace(container, axial_pixel_mm=axial_mm, remarks=container.remarks + remarks)
-
-
-def _axial_pixel_mm(container: Container, file: DataFile) -> tuple[float | None, Remarks]:
-    """Return the distance of depth samples in air, None where the header does not say it, or not to be believed."""
-    header, name = container.header, container.path.name
-    n_depth = container.n_samples // 2 if container.kind == "raw" else container.n_samples
-    said = {"RangeZ of its data": file.range_z_mm and file.range_z_mm / n_depth}
-    if header.size_z in (None, n_depth):
-        said |= {"SizeReal": header.depth_mm and header.depth_mm / n_depth, "PixelSpacing": header.depth_pixel_mm}
-    pixels = {where: pixel for where, pixel in said.items() if pixel}
-    if not pixels:
-        return None, NONE
-    pixel_mm, index = next(iter(pixels.values())), header.refractive_index
-    if not all(alike(pixel_mm, other) for other in pixels.values()):
-        listed = ", ".join(f"{1000 * pixel:.4g} µm by {where}" for where, pixel in pixels.items())
-        what = f"The header of {name} gives several distances of depth samples, none of which was taken: {listed}."
-        return None, doubted("thorlabs-depth", what)
-    if index is None or index == 1:
-        return _plausible(pixel_mm), NONE
-    what = f"The header of {name} applies a refractive index of {index:g} to the whole image"
-    if not 1 < index <= 2:
-        return None, doubted("thorlabs-index", f"{what}, which none has: its depths were not taken.", index, 1.0)
-    what += ": depths are divided by it. It should be that of what fills the bore; where that is another, state "
-    return _plausible(pixel_mm * index), doubted("thorlabs-index", f"{what}medium_index.", index, 1.0)
-
-
-def _plausible(axial_mm: float) -> float | None:
-    return axial_mm if LEAST_PIXEL_MM <= axial_mm <= MOST_PIXEL_MM else None
 
 
 def _member(path: Path, members: dict[str, Member], file: DataFile) -> Member:
@@ -323,8 +277,3 @@ def _nothing_read(path: Path, header: Header) -> EndoctError:
 def _miscounted(path: Path, counted: int, stated: int) -> Remarks:
     what = f"{path.name} holds {counted} B-scans, its header says {stated}; all that are there were read."
     return doubted("thorlabs-count", what, counted, stated)
-
-
-def alike(number: float, other: float) -> bool:
-    """Say whether two numbers are the same, as programs round them."""
-    return abs(number - other) <= ALIKE * max(abs(number), abs(other))

@@ -1,4 +1,4 @@
-"""What the ``Header.xml`` of a ThorImage file says, as it says it: nothing is believed here yet.
+"""What the ``Header.xml`` of a ThorImage file says, as it says it, and how it parts frames into B-scans.
 
 Where a field is missing it is None; where it cannot be what it should be, the file is refused.
 """
@@ -53,7 +53,6 @@ class Header:
     spectra_averaged: int
     ascans_averaged: int
     bscans_averaged: int
-    apodisation_ascans: int | None
     is_signed: bool | None
     sample_bytes: int | None
     electrons_per_count: float | None
@@ -67,27 +66,59 @@ def read_header(data: bytes, subject: str) -> Header:
         raise EndoctError(f"{subject} is no header of a ThorImage file", found=root.tag[:80], expected=ROOT)
     read = _Fields(root, subject)
     signed = read.text("Instrument/RawDataIsSigned").lower()
+    size_y, slices_mm = read.whole("Image/SizePixel/SizeY"), read.length("Image/SizeReal", "SizeY")
+    averaged = read.whole("Acquisition/IntensityAveraging/BScans") or 1
+    averaged *= read.whole("Acquisition/SpeckleAveraging/SlowAxis") or 1
+    if slices_mm is not None and slices_mm < 0:  # what is counted along y are repeats of one place
+        size_y, averaged = 1, size_y or 1
     return Header(
         data_files=tuple(_data_file(element, subject) for element in root.findall("DataFiles/DataFile")),
         mode=read.text("MetaInfo/AcquisitionMode"),
         size_z=read.whole("Image/SizePixel/SizeZ"),
         size_x=read.whole("Image/SizePixel/SizeX"),
-        size_y=read.whole("Image/SizePixel/SizeY"),
+        size_y=size_y,
         depth_mm=read.length("Image/SizeReal", "SizeZ"),
         depth_pixel_mm=read.length("Image/PixelSpacing", "SizeZ"),
-        slices_mm=read.length("Image/SizeReal", "SizeY"),
+        slices_mm=slices_mm,
         axis_order=read.text("Image/AxisOrder"),
         refractive_index=read.number("Acquisition/RefractiveIndex"),
         spectra_averaged=read.whole("Acquisition/IntensityAveraging/Spectra") or 1,
         ascans_averaged=read.whole("Acquisition/IntensityAveraging/AScans") or 1,
-        bscans_averaged=(read.whole("Acquisition/IntensityAveraging/BScans") or 1)
-        * (read.whole("Acquisition/SpeckleAveraging/SlowAxis") or 1),
-        apodisation_ascans=read.whole("Acquisition/ActualSizeOfApodization"),
+        bscans_averaged=averaged,
         is_signed={"true": True, "false": False}.get(signed),
         sample_bytes=read.whole("Instrument/BytesPerPixel"),
         electrons_per_count=read.number("Instrument/BinaryToElectronCountScaling"),
         recorded_s=float(time) if _WHOLE.fullmatch(time := read.text("Acquisition/Timestamp")) else None,
     )
+
+
+def regions_of(file: DataFile, header: Header, subject: str, *, all_in_one: bool) -> list[tuple[Region | None, Region]]:
+    """Return, for every B-scan in a frame, which of its A-scans were taken without the sample, if any, and with it.
+
+    ``all_in_one``: it is the only frame. Raises :class:`EndoctError` where it has fewer A-scans.
+    """
+    n_lines = file.size_x
+    if any(end > n_lines for _, end in (*file.apodised, *file.scanned)):
+        raise EndoctError(
+            f"{file.key} in {subject} has fewer A-scans than its regions",
+            found=f"{n_lines}",
+            expected=f"{max(end for _, end in (*file.apodised, *file.scanned))}",
+        )
+    without = file.apodised[0] if file.apodised else None
+    if len(file.scanned) > 1:
+        return [(file.apodised[k] if k < len(file.apodised) else without, scan) for k, scan in enumerate(file.scanned)]
+    scan = file.scanned[0] if file.scanned else (without[1] if without else 0, n_lines)
+    n_bscans = (header.size_y or 1) * header.bscans_averaged
+    n_ascans = (header.size_x or 0) * header.ascans_averaged * header.spectra_averaged
+    if not all_in_one or n_bscans < 2 or not n_ascans:
+        return [(without, scan)]
+    if scan[1] - scan[0] == n_bscans * n_ascans:  # one apodisation, if any, before all of them
+        return [(without, (scan[0] + k * n_ascans, scan[0] + (k + 1) * n_ascans)) for k in range(n_bscans)]
+    block, rest = divmod(n_lines, n_bscans)
+    if rest or block <= n_ascans:
+        return [(without, scan)]
+    starts = range(0, n_lines, block)  # each with an apodisation of its own before it
+    return [((at, at + block - n_ascans), (at + block - n_ascans, at + block)) for at in starts]
 
 
 @dataclass(frozen=True)

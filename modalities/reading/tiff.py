@@ -1,10 +1,7 @@
 """Frames of a TIFF or BigTIFF, read one at a time, and of any file in which they lie uncompressed."""
 
-import io
-import logging
 import math
 import re
-import struct
 from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,51 +9,35 @@ from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.dicom.decoding import check_scans, stream_of
+from endoct.base.files.files import open_regular, read_start
 from endoct.modalities.reading.arrays_on_disk import ReadBlocks
 from endoct.modalities.reading.format import Format, Frames
 from endoct.modalities.reading.orientation import UPRIGHT, on_orientation, upright
 from endoct.modalities.reading.remarks import Remarks
 from endoct.modalities.reading.repeated_frames import without_colour
 from endoct.modalities.reading.tiff_directory import (
-    COMPRESSIONS,
     FOREIGN,
-    JPEG,
     MOST_PAGES,
-    MOST_TABLE_BYTES,
     PALETTE,
-    RGB,
     STARTS,
     WHITE_IS_ZERO,
-    YCBCR,
     Layout,
     Page,
     damaged,
-    page_at,
     pages,
     size_of,
-    taken,
     truncated,
 )
+from endoct.modalities.reading.tiff_page import ReadPages
 
 TIFF_SUFFIXES = (".tif", ".tiff", ".btf", ".tf8")
 T = TypeVar("T")
 MOST_DESCRIPTION = 100_000
-COPIES = 2
-"""Decoding holds at most this many times the page: the page and a copy in another byte order."""
 _UNCALIBRATED = "20"
 """ImageJ's number of no function."""
-_ADOBE_YCBCR = re.compile(rb"\xff\xee..Adobe.{6}\x01", re.DOTALL)
-"""This in a JPEG says that its colours are YCbCr."""
-DECODING_TAGS = (256, 257, 258, 259, 262, 266, 277, 278, 284, 317, 322, 323, 338, 339, 530)
-
-# What is wrong with a file is said once, by an EndoctError, not also by the library that reads it.
-logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def is_tiff(path: Path) -> bool:
@@ -94,7 +75,7 @@ def read_tiff(path: Path) -> "tuple[int, ReadTiff]":
                 )
         stacked, calibrated = _frames_declared(first, file, layout), _calibrated(first, file)
         n_frames = len(places)
-        read: Callable[[int], NDArray[Any]] = _ReadTiffPages(path, places, layout)
+        read: Callable[[int], NDArray[Any]] = ReadPages(path, places, layout)
         if n_frames == 1 and stacked > 1:
             n_frames, read = stacked, _stack_in_one_page(first, file, layout, stacked)
         else:
@@ -151,84 +132,6 @@ class ReadTiff:
             return frame
         c0, c1 = self.calibrated
         return (c0 + c1 * frame.astype(np.float64)).astype(np.float32)
-
-
-class _ReadTiffPages:
-    """Reads one TIFF page a frame."""
-
-    def __init__(self, path: Path, places: "array[int]", layout: Layout) -> None:
-        self.path, self.places, self.layout = path, places, layout
-
-    def __call__(self, index: int) -> NDArray[Any]:
-        layout = self.layout
-        said = f"page {index} of {self.path} cannot be read"
-        with refusing(said, remedy="copy or export it again"), open_regular(self.path) as file:
-            page = page_at(self.path, file, self.places[index])
-            if page.layout(file) != layout:
-                raise EndoctError(said, found="another kind of page than when it was opened")
-            offset = page.plain_offset(file, layout)
-            if offset is not None:
-                return ReadBlocks(self.path, offset, layout.dtype.newbyteorder(page.order), layout.shape)(0)
-            check_array_size((COPIES, *layout.shape), layout.dtype.itemsize, f"a page of {self.path}")
-            with tifffile.TiffFile(io.BytesIO(_alone(page, file, layout))) as tiff:
-                frame = np.asarray(tiff.pages[0].asarray())
-        if frame.shape != layout.shape or frame.dtype.newbyteorder("=") != layout.dtype:
-            raise EndoctError(said, found=f"{frame.dtype} {frame.shape}", expected=f"{layout.dtype} {layout.shape}")
-        return frame
-
-
-def _alone(page: Page, file: BinaryIO, layout: Layout) -> bytes:
-    """Return a page as a BigTIFF of its own: what its decoding takes, and its compressed samples.
-
-    So the library that decodes sees nothing else of the file, and nothing that was not checked.
-    """
-    compression = page.number(file, 259, 1)
-    if compression not in COMPRESSIONS:
-        raise EndoctError(
-            f"{page.path} is compressed in a way that is not read",
-            found=f"compression {compression}",
-            expected=", ".join(dict.fromkeys(COMPRESSIONS.values())),
-            remedy="export it again without compression",
-        )
-    offsets, counts = page.segments(file, layout)
-    check_array_size((sum(counts),), 1, f"a page of {page.path}")
-    segments = [taken(page.path, file, *segment) for segment in zip(offsets, counts, strict=True)]
-    tables = b""
-    if compression == JPEG:
-        if 347 in page.tags:
-            _, count, place = page.tags[347]
-            tables = taken(page.path, file, place, min(count, MOST_TABLE_BYTES))
-        for segment in segments:
-            _check_jpeg(segment, (*page.segment_shape(file, layout), *layout.shape[2:]), page.path)
-    tags = {tag: page.numbers(file, tag, most=64) for tag in DECODING_TAGS if tag in page.tags}
-    if layout.photometric == RGB and any(_ADOBE_YCBCR.search(segment[:MOST_TABLE_BYTES]) for segment in segments):
-        tags[262] = (YCBCR,)  # the stream knows better
-    word = f"{page.order}u8"
-    places, sizes = (324, 325) if 322 in page.tags else (273, 279)
-    values = {tag: np.array(of, word).tobytes() for tag, of in (tags | {sizes: counts}).items()}
-    if tables:
-        values[347] = tables
-    behind = 24 + 20 * (len(values) + 1) + 8
-    begin = behind + sum(map(len, values.values())) + 8 * len(counts)
-    values[places] = np.cumsum([begin, *counts])[:-1].astype(word).tobytes()
-    head = struct.pack(page.order + "2sHHHQQ", b"II" if page.order == "<" else b"MM", 43, 8, 0, 16, len(values))
-    entries, data = b"", b""
-    for tag, value in sorted(values.items()):
-        kind, count = (7, len(value)) if tag == 347 else (16, len(value) // 8)
-        within = value.ljust(8, b"\0") if len(value) <= 8 else struct.pack(page.order + "Q", behind + len(data))
-        entries += struct.pack(page.order + "HHQ", tag, kind, count) + within
-        data += value
-    return b"".join([head, entries, bytes(8), data, *segments])
-
-
-def _check_jpeg(data: bytes, shape: tuple[int, ...], path: Path) -> None:
-    """Raise :class:`EndoctError` where a JPEG is larger than ``shape``, (row, column, …), or coded in many scans."""
-    stream = stream_of(data)
-    if stream is None or stream.shape[1:] != shape[1:] or stream.shape[0] > shape[0]:
-        found = "no JPEG" if stream is None else f"a JPEG of {' × '.join(map(str, stream.shape))}"
-        expected = " × ".join(map(str, shape))
-        raise EndoctError(f"a page of {path} is damaged", found=found, expected=expected)
-    check_scans(data)
 
 
 def _of_imagej(description: str) -> dict[str, str]:
@@ -309,9 +212,7 @@ def _palette(page: Page, file: BinaryIO, layout: Layout) -> NDArray[Any]:
 def _stack_in_one_page(page: Page, file: BinaryIO, layout: Layout, n_frames: int) -> ReadBlocks:
     offset = page.plain_offset(file, layout)
     if offset is None or n_frames > 16 * MOST_PAGES:
-        damaged(
-            page.path, f"{n_frames} frames in one page that is compressed" if offset is None else f"{n_frames} frames"
-        )
+        damaged(page.path, f"{n_frames} frames" + " in one page that is compressed" * (offset is None))
     needed = offset + n_frames * math.prod(layout.shape) * layout.dtype.itemsize
     if (size := size_of(file)) < needed:
         truncated(page.path, size, needed)

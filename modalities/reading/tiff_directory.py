@@ -240,10 +240,7 @@ def taken(path: Path, file: BinaryIO, place: int, count: int) -> bytes:
     if place + count > size:
         truncated(path, size, place + count)
     file.seek(place)
-    data = file.read(count)
-    if len(data) != count:
-        truncated(path, size, place + count)
-    return data
+    return file.read(count)
 
 
 def size_of(file: BinaryIO) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NoReturn, cast
 
 from endoct.base.errors import EndoctError, cause_of
 from endoct.base.files.files import check_array_size, largest_array_bytes, open_regular
+from endoct.modalities.reading.other_formats import STILL_BRANDS
 
 if TYPE_CHECKING:
     import av
@@ -23,8 +24,6 @@ PIXEL_BYTES = 8
 """A decoded pixel takes no more bytes than this, in any format."""
 READ_AHEAD_BYTES = 1 << 18
 QUICKTIME_ATOMS = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
-_STILL_BRANDS = (b"heic", b"heix", b"mif1", b"avif", b"msf1", b"hevc", b"crx ")
-"""Files of these brands are photographs in the container of MP4."""
 _SEGMENT = b"\x18\x53\x80\x67"
 _MOST_ATOMS = 10_000
 _MOST_MOOV_BYTES = 64_000_000
@@ -112,7 +111,7 @@ def container_of(path: Source) -> str:
         return "matroska"
     if start[:4] == b"RIFF" and start[8:12] == b"AVI ":
         return "avi"
-    is_still = start[4:8] == b"ftyp" and start[8:12] in _STILL_BRANDS
+    is_still = start[4:8] == b"ftyp" and start[8:12] in STILL_BRANDS
     return "mov" if start[4:8] in QUICKTIME_ATOMS and not is_still else ""
 
 

@@ -195,12 +195,12 @@ def _taken(times: NDArray[np.int64], walk: _Walk, unedited: _Walk | None) -> tup
     if hidden > 0:
         note = f"By its edit list the video shows {len(times)} of {len(unedited.stamps)} frames that it holds."
         remarks = Remarks(notes=(note,))
-    if not all(place in when for place in places) or len(when) < len(unedited.stamps):
-        what = "When the frames of an edited video were taken is not known: they were placed as they are shown."
-        return displayed, remarks + doubted("video-edited", what)
-    taken = np.array([when[place] for place in places], np.float64)
-    if (np.diff(taken) <= 0).any():
-        what = "The video's edit list shows frames in another order than they were recorded in; that order was taken."
+    taken = np.array([when.get(place, np.nan) for place in places], np.float64)
+    if not (np.diff(taken, prepend=-np.inf) > 0).all():
+        what = (
+            "The video's edit list shows frames in another order than they were recorded in, or at times that are not "
+            "known: they were placed as they are shown."
+        )
         return displayed, remarks + doubted("video-edited", what)
     return taken, remarks
 

@@ -24,7 +24,7 @@ MOST_SCATTER_MM = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class TubeFit:
     """``values`` (k,) of a model's parameters with their ``covariance``; ``kept``, bool (n,), the points that count;
     ``residual_mm`` (n,) of all points.
     """
@@ -55,7 +55,7 @@ def fit_model(
     sigma: Coordinates,
     groups: NDArray[np.intp],
     clusters: NDArray[np.intp],
-) -> Fit:
+) -> TubeFit:
     """Return the parameters at which ``distances_mm`` (n,) of all points from the model are least.
 
     ``expected`` (k,) with its standard errors ``sigma`` (k,), infinite where nothing is known beforehand. ``groups``
@@ -93,7 +93,7 @@ def fit_model(
     found = least_squares(weighed, values, x_scale="jac", max_nfev=60)
     values, jacobian = found.x, found.jac
     residual = distances_mm(values)
-    return Fit(values, _covariance(jacobian, found.fun, clusters[kept]), kept, residual)
+    return TubeFit(values, _covariance(jacobian, found.fun, clusters[kept]), kept, residual)
 
 
 def _scales(residual: Coordinates, kept: Mask, groups: NDArray[np.intp], least: float) -> Coordinates:

@@ -35,7 +35,7 @@ REMEDY = (
 
 
 @dataclass(frozen=True)
-class Pose:
+class TubePose:
     """Where a recording lies on a tube: z_tube = z_mm + direction·scale·z, θ_tube = theta_rad + sense·θ.
 
     ``correlation`` of the recording with the template there.
@@ -64,7 +64,7 @@ def poses(
     target: Target,
     template: Template,
     scales: Iterable[float],
-) -> list[Pose]:
+) -> list[TubePose]:
     """Return the best pose of each orientation, the best first.
 
     ``image`` float64 (n_rows, ``COLUMNS``), NaN where nothing is known, of evenly spaced θ from 0, at places
@@ -79,9 +79,9 @@ def poses(
     table = template(z[:, None], theta)
     means, squares = table.mean(axis=1), (table**2).mean(axis=1)
     waves = np.fft.rfft(table, axis=1)
-    found: list[Pose] = []
+    found: list[TubePose] = []
     for direction in (1, -1):
-        best: dict[int, Pose] = {}
+        best: dict[int, TubePose] = {}
         for scale in scales:
             along = direction * scale * row_z_mm
             for first in np.arange(-along.min(), target.length_mm - along.max() + 1e-9, STEP_MM):
@@ -97,12 +97,14 @@ def poses(
                     top = int(np.argmax(course))
                     correlation = float(course[top] / norm)
                     if sense not in best or correlation > best[sense].correlation:
-                        best[sense] = Pose(first, scale, direction, float(theta[top]), sense, correlation)
+                        best[sense] = TubePose(first, scale, direction, float(theta[top]), sense, correlation)
         found += best.values()
     return sorted(found, key=lambda pose: -pose.correlation)
 
 
-def rings_sigmas(image: Coordinates, row_z_mm: Coordinates, template: Template, first: Pose, second: Pose) -> float:
+def rings_sigmas(
+    image: Coordinates, row_z_mm: Coordinates, template: Template, first: TubePose, second: TubePose
+) -> float:
     """Return by how many standard errors the rings speak for the first pose against the second; 0 where neither.
 
     Turned end for end, both grooves lie on themselves, and only the rings tell which way a tube lies. They go all
@@ -131,7 +133,7 @@ def rings_sigmas(image: Coordinates, row_z_mm: Coordinates, template: Template, 
 
 def clear_pose(
     image: Coordinates, row_z_mm: Coordinates, target: Target, template: Template, scales: Iterable[float]
-) -> Pose:
+) -> TubePose:
     """Return how an unrolled recording lies on a tube, by :func:`poses` of the same arguments.
 
     Raises :class:`NotSeen` where the tube's marks are not seen, or another orientation fits as well.

@@ -17,6 +17,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import gaussian, wrap_rad
+from endoct.base.numeric.peaks import vertex
 from endoct.stitching.motion.warp import Motion, Texture, refine_motion
 
 FEWEST_FOR_FIXED_PATTERN = 8
@@ -29,7 +30,7 @@ LEAST_CORRELATION = 0.3
 LEAST_RATIO = 1.3
 PEAK_MM = 0.3
 LATEST = 8
-"""So many strips and spectra are held, so that each is read, and transformed, once for all its pairs."""
+"""Number of strips and spectra held, so that each is read and transformed once for all its pairs."""
 Windows = list[tuple[float, float]]
 
 
@@ -273,9 +274,6 @@ class Matcher:
 
 def _vertex(values: np.ndarray, at: int, *, cyclic: bool) -> float:
     """Return the place of the parabola's top through the sample ``at`` and its neighbours."""
-    n = len(values)
-    if not cyclic and not 0 < at < n - 1:
+    if not cyclic and not 0 < at < len(values) - 1:
         return float(at)
-    before, here, after = float(values[at - 1]), float(values[at]), float(values[(at + 1) % n])
-    bend = before - 2 * here + after
-    return at + (0.5 * (before - after) / bend if bend < 0 else 0.0)
+    return at + float(vertex(*map(float, (values[at - 1], values[at], values[(at + 1) % len(values)]))))

@@ -28,10 +28,10 @@ LEEWAY = 0.02
 STEP_MM = 0.02
 COLUMNS = 512
 HOLE_TRIES = 20
-"""So many holes are tried for each mm² to be cut away, and ten times as many besides."""
+"""Number of holes tried for each mm² to be cut away; ten times as many are tried besides."""
 MOST_LEAN_RAD = 0.6
 CELL_TRIES = 120
-"""So many cells are tried for each mm² to be cut away, and ten times as many besides."""
+"""Number of cells tried for each mm² to be cut away; ten times as many are tried besides."""
 SEED_SHARE = 0.12
 """This share of the cells starts a group of its own."""
 MEDIAN_OPENING_MM, SPREAD = 0.5, 0.45

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +10,9 @@ from scipy import ndimage
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import axes_at
-from endoct.synthetic.bone.lattice import Lattice, trilinear
+from endoct.synthetic.bone.lattice import Lattice, resampled, trilinear
 from endoct.synthetic.bone.network import air_on
-from endoct.synthetic.bone.patient import Bone, bone_around, bore_to_lps, cells_around, check_bone_share
+from endoct.synthetic.bone.patient import Bone, bone_around, bore_to_lps, check_bone_share
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.randomness import Stage, generator
@@ -24,7 +23,6 @@ Vectors = tuple[Numbers, Numbers, Numbers]
 """Vectors are x, y and z, (n,) each."""
 EDGE_MM = 0.012
 """The rim of an opening is rounded over this, as those of planted cells are."""
-Number = TypeVar("Number", np.float32, np.int32)
 REACH_MM = 4.2
 """The field ends this far from the axis, as far as the OCT's beams are followed; beyond, it goes on as it is there."""
 FILLINGS_STREAM, DETAIL_STREAM = 101, 102
@@ -158,22 +156,8 @@ def world_of(sample: Sample) -> Coordinates:
 
 def _of_volume(volume: Volume, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:
     bone, places = bone_around(volume, reach_mm), lattice.moved(bore_to_lps(volume))
-    distance = resampled(bone.distance_mm, bone.lattice, places, order=3)
-    # cells have no number beyond what the recordings can reach
-    cell = resampled(cells_around(volume, REACH_MM), bone_around(volume, REACH_MM).lattice, places, order=0)
-    return distance, np.asarray(cell, dtype=np.int32)
-
-
-def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
-    """Resample values from one lattice to another by splines of the given ``order``.
-
-    Beyond the border they are as at the border; of order 0 they are 0 there.
-    """
-    matrix = (places.steps_mm @ np.linalg.inv(at.steps_mm)).T
-    offset, mode = at.index_of(places.origin_mm), "nearest" if order else "constant"
-    return np.asarray(
-        ndimage.affine_transform(values, matrix, offset, places.shape, values.dtype, order=order, mode=mode)
-    )
+    near = bone_around(volume, REACH_MM)  # cells have no number beyond what the recordings can reach
+    return resampled(bone.distance_mm, bone.lattice, places, 3), resampled(near.cell, near.lattice, places, 0)
 
 
 def _filled(

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.elementary import Numbers
+
+Number = TypeVar("Number", np.float32, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,3 +128,15 @@ def trilinear(values: Image, index: list[Numbers], *, wrap: bool) -> Numbers:
             lines.append(left + of_i * (values.take(row + columns[1]) - left))
         planes.append(lines[0] + of_j * (lines[1] - lines[0]))
     return np.asarray(planes[0] + of_k * (planes[1] - planes[0]), dtype=np.float32)
+
+
+def resampled(values: NDArray[Number], at: Lattice, places: Lattice, order: int) -> NDArray[Number]:
+    """Resample values from one lattice to another by splines of the given ``order``.
+
+    Beyond the border they are as at the border; of order 0 they are 0 there.
+    """
+    matrix = (places.steps_mm @ np.linalg.inv(at.steps_mm)).T
+    offset, mode = at.index_of(places.origin_mm), "nearest" if order else "constant"
+    return np.asarray(
+        ndimage.affine_transform(values, matrix, offset, places.shape, values.dtype, order=order, mode=mode)
+    )

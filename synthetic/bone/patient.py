@@ -6,7 +6,7 @@ World coordinates are LPS in here, as :mod:`endoct.modalities.ct.ct_volume` read
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,15 @@ class Bone:
 
     lattice: Lattice
     distance_mm: Image
+
+    @cached_property
+    def cell(self) -> NDArray[np.int32]:
+        """The chamber of every voxel, 1, 2, … in air and in the bone near by, int32."""
+        of, spacing = chambers(self.distance_mm, self.lattice.spacing_mm, CHAMBER_MM), self.lattice.spacing_mm
+        if not of.any():
+            return of
+        nearest = ndimage.distance_transform_edt(of == 0, spacing, return_distances=False, return_indices=True)
+        return np.asarray(of[tuple(nearest)], np.int32)
 
 
 def volume_digest(path: Path, also: Sequence[Path] = ()) -> str:
@@ -175,18 +184,6 @@ def bone_around(volume: Volume, reach_mm: float) -> Bone:
         blurred = ndimage.gaussian_filter(_is_bone(voxels, volume).astype(np.float32), LABEL_SIGMA_VOXELS)
         level = np.asarray(0.5 - blurred, dtype=np.float32)
     return Bone(part, signed_distance(level, part.spacing_mm))
-
-
-@lru_cache(maxsize=1)
-def cells_around(volume: Volume, reach_mm: float) -> NDArray[np.int32]:
-    """Return the chamber of every voxel of :func:`bone_around`, 1, 2, … in air and in the bone near by, int32."""
-    bone = bone_around(volume, reach_mm)
-    of = chambers(bone.distance_mm, bone.lattice.spacing_mm, CHAMBER_MM)
-    if not of.any():
-        return of
-    spacing = bone.lattice.spacing_mm
-    nearest = ndimage.distance_transform_edt(of == 0, spacing, return_distances=False, return_indices=True)
-    return np.asarray(of[tuple(nearest)])
 
 
 def _other_volume(path: Path, volume: Volume) -> EndoctError:

@@ -21,7 +21,7 @@ from endoct.synthetic.sample.parameters import Cell
 STEP_MM = 0.004
 """No step is shorter than this."""
 BLOCK = 32_000
-"""So many pairs of a ray and a cell are traced at once: what fits a cache."""
+"""Number of pairs of ray and cell traced at once: what fits a cache."""
 STEPS, LOOKS = 10, 16
 """After so many steps few rays are left, and each is looked at in so many places at once: calls cost more than looks.
 

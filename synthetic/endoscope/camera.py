@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.wall import WallMaps
+from endoct.synthetic.endoscope.cone import FrameView
 from endoct.synthetic.endoscope.lighting import Lighting, light, lit_frame, obscured
 from endoct.synthetic.endoscope.sight import bands, follow, view, visible
 from endoct.synthetic.sample.parameters import Endoscope, Sample
@@ -131,12 +132,13 @@ def pixel_maps(sample: Sample, wall: WallMaps, frame_index: int) -> PixelMaps:
     z_mm, theta_rad, depth_mm = (np.full(shape, np.nan, np.float32) for _ in range(3))
     cell, hidden, valid = np.zeros(shape, np.int32), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
     n_z, n_theta = wall.relief_mm.shape
-    reached = visible(wall, camera, frame_index)
+    frame = FrameView.of(camera, frame_index, wall.radius_mm)
+    reached = visible(wall, frame)
     for rows in bands(camera):
-        pixels = view(camera, frame_index, rows)
+        pixels = view(frame, rows)
         if not pixels.pixel.size:
             continue
-        hits = follow(reached, camera, frame_index, pixels)
+        hits = follow(reached, frame, pixels)
         z_mm.flat[pixels.pixel] = (hits.row + hits.first_row) * wall.dz_mm
         theta_rad.flat[pixels.pixel] = np.mod(hits.column * wall.dtheta_rad, 2 * np.pi)
         depth_mm.flat[pixels.pixel] = hits.radius_mm - wall.radius_mm
@@ -150,26 +152,27 @@ def pixel_maps(sample: Sample, wall: WallMaps, frame_index: int) -> PixelMaps:
 def _signal(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> Image:
     """Return the light on the sensor, float32 (row, column) or (row, column, RGB), 1 is saturation."""
     camera = sample.endoscope
-    reached, lit = lit_frame(sample, wall, lighting, frame_index)
-    around = _Surround(sample, frame_index)
+    frame = FrameView.of(camera, frame_index, wall.radius_mm)
+    reached, lit = lit_frame(frame, wall, lighting)
+    around = _Surround(frame, sample.seed)
     colours = 3 if camera.colour else 1
     image = np.empty((camera.height_px, camera.width_px, colours), np.float32)
     for rows in bands(camera):
-        pixels = view(camera, frame_index, rows)
+        pixels = view(frame, rows)
         planes = np.repeat(around.light(rows)[None], colours, axis=0)
         if pixels.pixel.size:
-            arrived = light(sample, frame_index, lit, pixels, follow(reached, camera, frame_index, pixels))
+            arrived = light(frame, lit, pixels, follow(reached, frame, pixels))
             arrived *= np.float32(lighting.gain)
             for plane, colour in zip(planes, arrived, strict=True):
                 plane.ravel()[pixels.place] += colour
         image[rows] = cv2.merge(list(planes)).reshape(image[rows].shape)
-    _defocus(camera, image, frame_index)
+    _defocus(frame, image)
     return image if camera.colour else image[..., 0]
 
 
-def _defocus(camera: Endoscope, image: Image, frame_index: int) -> None:
+def _defocus(frame: FrameView, image: Image) -> None:
     """Blur an image in place by ``defocus_px`` at the rim in focus, and by more towards the other."""
-    cx, cy = camera.centre_px[frame_index]
+    camera, (cx, cy) = frame.camera, frame.centre_px
     reach = camera.outer_px + 4 * (camera.defocus_px + camera.defocus_slope_px) + 1
     left, top = max(0, int(cx - reach)), max(0, int(cy - reach))
     box = image[top : int(cy + reach) + 2, left : int(cx + reach) + 2]
@@ -183,7 +186,7 @@ def _defocus(camera: Endoscope, image: Image, frame_index: int) -> None:
         in_focus, out_of_focus = out_of_focus, in_focus
     for first in range(0, box.shape[0], BLEND_ROWS):
         rows = slice(first, min(first + BLEND_ROWS, box.shape[0]))
-        share = _distance_px(camera, frame_index, range(top + first, top + rows.stop), range(left, left + box.shape[1]))
+        share = _distance_px(frame, range(top + first, top + rows.stop), range(left, left + box.shape[1]))
         share -= in_focus
         share *= 1 / (out_of_focus - in_focus)
         np.clip(share, 0, 1, out=share)
@@ -199,11 +202,9 @@ def _blurred(image: Image, sigma_px: float) -> Image:
     return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px), dtype=np.float32).reshape(image.shape)
 
 
-def _distance_px(
-    camera: Endoscope, frame_index: int, rows: range, columns: range, shift: tuple[float, float] = (0.0, 0.0)
-) -> Image:
+def _distance_px(frame: FrameView, rows: range, columns: range, shift: tuple[float, float] = (0.0, 0.0)) -> Image:
     """Return the distance of pixels from the annulus' centre, or from a place next to it."""
-    cx, cy = camera.centre_px[frame_index]
+    cx, cy = frame.centre_px
     x = (np.arange(columns.start, columns.stop) - cx - shift[0]).astype(np.float32)[None, :]
     y = (np.arange(rows.start, rows.stop) - cy - shift[1]).astype(np.float32)[:, None]
     square = x * x + y * y
@@ -215,9 +216,9 @@ class _Surround:
     the camera in it.
     """
 
-    def __init__(self, sample: Sample, frame_index: int) -> None:
-        self._camera, self._frame_index = sample.endoscope, frame_index
-        camera, rng = sample.endoscope, generator(sample.seed, Stage.ENDOSCOPE, 0)
+    def __init__(self, frame: FrameView, seed: int) -> None:
+        self._frame = frame
+        camera, rng = frame.camera, generator(seed, Stage.ENDOSCOPE, 0)
         tip_gain, glow_gain, lens_gain, lens_size = (
             0.05 * rng.random(), rng.uniform(0.01, 0.03), rng.uniform(0.2, 0.9), rng.uniform(0.05, 0.15)
         )  # fmt: skip
@@ -229,10 +230,10 @@ class _Surround:
 
     def light(self, rows: slice) -> Image:
         """Return the surround in some rows of the image, float32."""
-        camera = self._camera
+        camera = self._frame.camera
         places = range(rows.start, rows.stop), range(camera.width_px)
-        surround = _tabulated(self._glow, _distance_px(camera, self._frame_index, *places))
-        r_inner = _distance_px(camera, self._frame_index, *places, camera.inner_shift_px)
+        surround = _tabulated(self._glow, _distance_px(self._frame, *places))
+        r_inner = _distance_px(self._frame, *places, camera.inner_shift_px)
         within = r_inner < 0.97 * camera.inner_px
         surround[within] = _tabulated(self._tip, r_inner[within])
         return surround

@@ -84,6 +84,31 @@ def cone_of(camera: Endoscope) -> Cone:
     return Cone(math.radians(camera.half_angle_deg), camera.mirror_distance_mm, camera.focal_px, camera.distortion_k1)
 
 
+@dataclass(frozen=True)
+class FrameView:
+    """How a camera looks at a bore of ``radius_mm`` in one frame.
+
+    ``centre_px`` of the annulus; ``roll_rad`` and ``offset_mm`` of the probe; ``middle_mm``: z of the middle of the
+    band that the annulus shows, and ``apex_mm`` of the mirror's apex.
+    """
+
+    camera: Endoscope
+    cone: Cone
+    radius_mm: float
+    centre_px: Sequence[float]
+    roll_rad: float
+    offset_mm: Sequence[float]
+    middle_mm: float
+    apex_mm: float
+
+    @classmethod
+    def of(cls, camera: Endoscope, index: int, radius_mm: float) -> "FrameView":
+        """Return that of frame ``index``."""
+        middle_mm = camera.z_mm[index]
+        places = camera.centre_px[index], camera.roll_rad[index], camera.offset_mm[index], middle_mm
+        return cls(camera, cone_of(camera), radius_mm, *places, middle_mm - band_centre_mm(camera, radius_mm))
+
+
 def band_centre_mm(camera: Endoscope, radius_mm: float) -> float:
     """Return z from the cone's apex to the middle of the band that the annulus shows of the nominal wall.
 
@@ -183,11 +208,10 @@ class Rays:
         return np.asarray((np.sqrt(np.maximum(b * b - a * c, 0)) - b) / a)
 
 
-def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> Rays:
+def rays_of(frame: FrameView, x_px: Image, y_px: Image) -> Rays:
     """Return the rays of places of the image, counted from the annulus' centre."""
     r_px = np.sqrt(x_px * x_px + y_px * y_px)
-    off_cone = cone_of(camera).rays(r_px)
-    turn = camera.roll_rad[frame_index]
+    off_cone, turn = frame.cone.rays(r_px), frame.roll_rad
     per_px = np.asarray(1 / r_px, dtype=np.float32)
     cos, sin = x_px * per_px, y_px * per_px
     theta = azimuth(cos, sin)
@@ -195,9 +219,9 @@ def rays_of(camera: Endoscope, frame_index: int, x_px: Image, y_px: Image) -> Ra
     # within a turn, as looking maps up beyond their edges takes ten times as long
     theta -= np.float32(2 * np.pi) * np.floor(theta * np.float32(0.5 / np.pi))
     cos, sin = _rotated(cos, sin, turn)
-    starts = leaned(camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
-    ways = leaned(camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
-    x0, y0 = (start + np.float32(offset) for start, offset in zip(starts, camera.offset_mm[frame_index], strict=False))
+    starts = leaned(frame.camera, (off_cone.rho_mm * cos, off_cone.rho_mm * sin, off_cone.z_mm))
+    ways = leaned(frame.camera, (off_cone.outward * cos, off_cone.outward * sin, off_cone.inward))
+    x0, y0 = (start + np.float32(offset) for start, offset in zip(starts, frame.offset_mm, strict=False))
     return Rays(
         theta_rad=theta,
         u0=x0 * cos + y0 * sin,

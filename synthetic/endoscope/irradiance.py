@@ -29,10 +29,9 @@ import numpy as np
 
 from endoct.base.arrays import Image
 from endoct.synthetic.bone.wall import WallMaps
-from endoct.synthetic.endoscope.cone import band_centre_mm, cone_of, leaned
+from endoct.synthetic.endoscope.cone import FrameView, leaned
 from endoct.synthetic.endoscope.facets import LEVEL_MM, FacetGrid, Facets, level_of
 from endoct.synthetic.endoscope.sight import lookup, lookup_all
-from endoct.synthetic.sample.parameters import Endoscope
 
 FIBRES = 6
 """Places in the ring from which light is summed up: cosines of angles that are evenly spaced over half of it."""
@@ -57,7 +56,7 @@ REACH_MM = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class LitPlaces:
     """Places on the bone, float32 (n,) each.
 
     ``z_mm`` from the mirror's apex along the bore, ``theta_rad`` and ``radius_mm`` in the bore's frame; slopes ∂r/∂z
@@ -74,19 +73,19 @@ class Places:
     shade_behind: Image
 
 
-def direct(camera: Endoscope, frame_index: int, at: Places, bore_mm: float) -> tuple[Image, Image]:
+def direct(frame: FrameView, at: LitPlaces) -> tuple[Image, Image]:
     """Return the irradiance of places, and what it would be if they faced the light, float32 (n,) each.
 
-    1 is the irradiance of a wall that faces a source in the pinhole, ``bore_mm`` from the probe's axis in the middle of
-    the annulus. Shadows are those that relief casts along the bore. Around it light comes within
-    3° of the radius, along which relief hides nothing.
+    1 is the irradiance of the bore's wall, if it faced a source in the pinhole, in the middle of the annulus. Shadows
+    are those that relief casts along the bore. Around it light comes within 3° of the radius, along which relief hides
+    nothing.
     """
-    cone = cone_of(camera)
+    camera, cone = frame.camera, frame.cone
     a, d = cone.half_angle_rad, cone.distance_mm
     sin_2a, cos_2a, cot_a = math.sin(2 * a), math.cos(2 * a), 1 / math.tan(a)
     mirror_mm = MIRROR_BEYOND * float(cone.rays(np.array([camera.outer_px])).rho_mm[0])
     cos, sin = np.cos(at.theta_rad), np.sin(at.theta_rad)
-    off_x, off_y = camera.offset_mm[frame_index]
+    off_x, off_y = frame.offset_mm
     x = np.asarray(at.radius_mm * cos - np.float32(off_x), dtype=np.float32)
     y = np.asarray(at.radius_mm * sin - np.float32(off_y), dtype=np.float32)
     x, y, z = leaned(camera, (x, y, at.z_mm), -1)
@@ -117,8 +116,8 @@ def direct(camera: Endoscope, frame_index: int, at: Places, bore_mm: float) -> t
         arriving += share
         share *= np.maximum(across * faces[0] + along * faces[1], 0)
         lit += share / path
-    scale = _bright_side(camera, frame_index, x, y, rho)
-    scale *= np.float32(1 / (_reference(camera, bore_mm) * (FIBRES if camera.fibre_ring_mm else 1)))
+    scale = _bright_side(frame, x, y, rho)
+    scale *= np.float32(1 / (_reference(frame) * (FIBRES if camera.fibre_ring_mm else 1)))
     arriving *= scale
     lit *= norm
     lit *= scale
@@ -131,15 +130,15 @@ def _local(vectors: Sequence[Image], cos: Image, sin: Image) -> tuple[Image, Ima
     return x * cos + y * sin, y * cos - x * sin, z
 
 
-def _reference(camera: Endoscope, bore_mm: float) -> float:
-    rays = cone_of(camera).rays(np.array([(camera.inner_px + camera.outer_px) / 2]))
-    path_mm = rays.path_mm + (bore_mm - rays.rho_mm) / rays.outward
-    return float((rays.sine / (path_mm * bore_mm))[0])
+def _reference(frame: FrameView) -> float:
+    rays = frame.cone.rays(np.array([(frame.camera.inner_px + frame.camera.outer_px) / 2]))
+    path_mm = rays.path_mm + (frame.radius_mm - rays.rho_mm) / rays.outward
+    return float((rays.sine / (path_mm * frame.radius_mm))[0])
 
 
-def _bright_side(camera: Endoscope, frame_index: int, x: Image, y: Image, rho: Image) -> Image:
+def _bright_side(frame: FrameView, x: Image, y: Image, rho: Image) -> Image:
     """Return the light's first harmonic around the probe."""
-    turned = camera.roll_rad[frame_index] + camera.bright_side_rad
+    camera, turned = frame.camera, frame.roll_rad + frame.camera.bright_side_rad
     return (
         1 + np.float32(camera.bright_side) * (x * np.float32(math.cos(turned)) + y * np.float32(math.sin(turned))) / rho
     )
@@ -203,18 +202,17 @@ class Bounced:
         return found
 
 
-def bounced(camera: Endoscope, frame_index: int, wall: WallMaps, facets: Facets, shade: Image) -> Bounced:
+def bounced(frame: FrameView, wall: WallMaps, facets: Facets, shade: Image) -> Bounced:
     """Return the light of one frame after its reflections from bone to bone."""
-    grid, middle = facets.grid, camera.z_mm[frame_index]
+    camera, grid, middle = frame.camera, facets.grid, frame.middle_mm
     reach = REACH_MM + camera.visible_length_mm / 2
     some = _rows(grid, middle - reach, middle + reach)
     lit, part = np.zeros(len(grid) + 1, np.float32), grid.of_rows(*some)
     z_mm, theta_rad = facets.z_mm[part], facets.theta_rad[part]
     row = np.clip(z_mm / np.float32(wall.dz_mm), 0, wall.relief_mm.shape[0] - 1)
     before, behind = lookup_all(shade, row, theta_rad / np.float32(wall.dtheta_rad * EVERY_COLUMN))
-    apex_mm = middle - band_centre_mm(camera, wall.radius_mm)
-    at = Places(
-        z_mm=z_mm - np.float32(apex_mm),
+    at = LitPlaces(
+        z_mm=z_mm - np.float32(frame.apex_mm),
         theta_rad=theta_rad,
         radius_mm=facets.radius_mm[part],
         slope_z=facets.slope_z[part],
@@ -222,7 +220,7 @@ def bounced(camera: Endoscope, frame_index: int, wall: WallMaps, facets: Facets,
         shade_before=before,
         shade_behind=behind,
     )
-    straight, _ = direct(camera, frame_index, at, wall.radius_mm)
+    straight, _ = direct(frame, at)
     albedo = np.minimum(np.float32(camera.bone_albedo) * facets.albedo[part], np.float32(MOST_ALBEDO))
     seen, indirect = facets.seen[part], np.zeros_like(straight)
     for _ in range(BOUNCES if camera.bone_albedo else 0):

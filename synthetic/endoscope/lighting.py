@@ -13,8 +13,9 @@ import numpy as np
 from endoct.base.arrays import Image, Mask
 from endoct.synthetic.bone.wall import WallMaps
 from endoct.synthetic.elementary import exp
+from endoct.synthetic.endoscope.cone import FrameView
 from endoct.synthetic.endoscope.facets import Facets, facets_of
-from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, Bounced, Places, bounced, direct, shade_of
+from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, Bounced, LitPlaces, bounced, direct, shade_of
 from endoct.synthetic.endoscope.sight import Hits, View, Visible, follow, lookup, lookup_all, view, visible
 from endoct.synthetic.sample.parameters import Debris, Endoscope, Sample
 
@@ -34,13 +35,23 @@ METERED_EVERY = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Lighting:
+    """``shade`` and ``facets`` of the wall, the camera's ``gain``: saturation over light; are cells ``lined``?"""
+
+    shade: Image
+    facets: Facets
+    gain: float
+    lined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LitSurface:
     """What the light of one frame falls on.
 
     ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
     ``shade`` (row, column / 2, 2) of the same rows; ``wet`` (row, column), None where all is dry; ``bounced``: the
     light that comes by way of other bone; ``first_row``, ``dz_mm``, ``dtheta_rad``: where the maps lie;
-    ``apex_mm``: z of the mirror's apex; ``radius_mm`` of the bore.
+    ``apex_mm``: z of the mirror's apex; ``lined``: whether cells have a lining.
     """
 
     maps: Image
@@ -51,44 +62,23 @@ class Surface:
     dz_mm: float
     dtheta_rad: float
     apex_mm: float
-    radius_mm: float
+    lined: bool
 
 
-def surface(camera: Endoscope, wall: WallMaps, shade: Image, bounces: Bounced, reached: Visible) -> Surface:
-    """Return what the light falls on in a frame that sees these rows of the wall; ``shade`` is that of all rows."""
-    rows = slice(reached.first_row, reached.first_row + reached.relief_mm.shape[0])
-    slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
-    maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
-    for crumb in camera.debris:
-        _put(crumb, maps, wall, reached.first_row)
-    wet = wall.wet[rows]
-    return Surface(
-        maps=maps,
-        shade=shade[rows],
-        wet=wet if wet.any() else None,
-        bounced=bounces,
-        first_row=reached.first_row,
-        dz_mm=wall.dz_mm,
-        dtheta_rad=wall.dtheta_rad,
-        apex_mm=(reached.first_row + reached.apex_row) * wall.dz_mm,
-        radius_mm=wall.radius_mm,
-    )
-
-
-def light(sample: Sample, frame_index: int, lit: Surface, pixels: View, hits: Hits) -> Image:
+def light(frame: FrameView, lit: LitSurface, pixels: View, hits: Hits) -> Image:
     """Return the light that arrives at each pixel of a view, float32 (1 or 3, n).
 
     1 is bone at normal incidence, lit directly, in the middle of the annulus of a probe on the bore's axis.
     """
-    camera = sample.endoscope
+    camera = frame.camera
     albedo, rim, slope_z, slope_theta = lookup_all(lit.maps, hits.row, hits.column)
     shades = lookup_all(lit.shade, hits.row, hits.column * np.float32(1 / EVERY_COLUMN))
     wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
-    deep_mm = np.maximum(hits.radius_mm - np.float32(lit.radius_mm), 0)
+    deep_mm = np.maximum(hits.radius_mm - np.float32(frame.radius_mm), 0)
     z_mm = (hits.row + lit.first_row) * np.float32(lit.dz_mm)
     theta_rad = hits.column * np.float32(lit.dtheta_rad)
-    at = Places(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
-    diffuse, arriving = direct(camera, frame_index, at, lit.radius_mm)
+    at = LitPlaces(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
+    diffuse, arriving = direct(frame, at)
     diffuse += lit.bounced.at(z_mm, theta_rad, hits.radius_mm)
     diffuse *= albedo
     leaning = slope_theta * hits.around
@@ -120,7 +110,7 @@ def light(sample: Sample, frame_index: int, lit: Surface, pixels: View, hits: Hi
     diffuse *= through * kept
     if not camera.colour:
         return np.asarray((diffuse + white)[None], dtype=np.float32)
-    lined = np.minimum(deep_mm / LINED_MM, 1) if sample.bore.bone not in ("phantom", "tube") else None
+    lined = np.minimum(deep_mm / LINED_MM, 1) if lit.lined else None
     arrived = np.empty((3, diffuse.size), np.float32)
     for plane, bone, lining in zip(arrived, BONE_RGB, LINING_RGB, strict=True):
         np.multiply(diffuse, bone if lined is None else bone + lined * (lining - bone), out=plane)
@@ -207,38 +197,43 @@ def obscured(camera: Endoscope, wall: WallMaps, pixels: View, hits: Hits) -> Mas
     return hidden
 
 
-@dataclass(frozen=True, eq=False)
-class Lighting:
-    """``shade`` and ``facets`` of the wall, and the camera's ``gain``: saturation over light."""
-
-    shade: Image
-    facets: Facets
-    gain: float
-
-
 def lighting_of(sample: Sample, wall: WallMaps) -> Lighting:
     """Return the lighting of a recording, with the gain that a person would set on its first frames.
 
     That is the one at which ``saturated`` of the annulus saturates, times ``exposure``.
     """
-    unset = Lighting(shade_of(wall), facets_of(wall), 1.0)
-    brightest = [_metered(sample, wall, unset, k) for k in range(min(METERED_FRAMES, len(sample.endoscope.z_mm)))]
-    level = float(np.quantile(np.concatenate(brightest), 1 - sample.endoscope.saturated))
-    return replace(unset, gain=sample.endoscope.exposure / level)
+    camera = sample.endoscope
+    unset = Lighting(shade_of(wall), facets_of(wall), 1.0, sample.bore.bone not in ("phantom", "tube"))
+    frames = (FrameView.of(camera, k, wall.radius_mm) for k in range(min(METERED_FRAMES, len(camera.z_mm))))
+    level = float(np.quantile(np.concatenate([_metered(frame, wall, unset) for frame in frames]), 1 - camera.saturated))
+    return replace(unset, gain=camera.exposure / level)
 
 
-def lit_frame(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> tuple[Visible, Surface]:
+def lit_frame(frame: FrameView, wall: WallMaps, lighting: Lighting) -> tuple[Visible, LitSurface]:
     """Return the rows of the wall that a frame can see, and what its light falls on there."""
-    camera = sample.endoscope
-    reached = visible(wall, camera, frame_index)
-    bounces = bounced(camera, frame_index, wall, lighting.facets, lighting.shade)
-    return reached, surface(camera, wall, lighting.shade, bounces, reached)
+    reached = visible(wall, frame)
+    rows = slice(reached.first_row, reached.first_row + reached.relief_mm.shape[0])
+    slopes = [np.clip(slope[rows], -STEEPEST_SLOPE, STEEPEST_SLOPE) for slope in (wall.slope_z, wall.slope_theta)]
+    maps = np.asarray(cv2.merge([wall.albedo[rows], wall.rim[rows], *slopes]), dtype=np.float32)
+    for crumb in frame.camera.debris:
+        _put(crumb, maps, wall, reached.first_row)
+    wet = wall.wet[rows]
+    return reached, LitSurface(
+        maps=maps,
+        shade=lighting.shade[rows],
+        wet=wet if wet.any() else None,
+        bounced=bounced(frame, wall, lighting.facets, lighting.shade),
+        first_row=reached.first_row,
+        dz_mm=wall.dz_mm,
+        dtheta_rad=wall.dtheta_rad,
+        apex_mm=(reached.first_row + reached.apex_row) * wall.dz_mm,
+        lined=lighting.lined,
+    )
 
 
-def _metered(sample: Sample, wall: WallMaps, lighting: Lighting, frame_index: int) -> Image:
+def _metered(frame: FrameView, wall: WallMaps, lighting: Lighting) -> Image:
     """Return the light of the brightest colour in some of a frame's pixels."""
-    camera = sample.endoscope
-    reached, lit = lit_frame(sample, wall, lighting, frame_index)
-    pixels = view(camera, frame_index, slice(None, None, METERED_EVERY))
-    found = light(sample, frame_index, lit, pixels, follow(reached, camera, frame_index, pixels))
+    reached, lit = lit_frame(frame, wall, lighting)
+    pixels = view(frame, slice(None, None, METERED_EVERY))
+    found = light(frame, lit, pixels, follow(reached, frame, pixels))
     return np.asarray(found.max(axis=0), dtype=np.float32)

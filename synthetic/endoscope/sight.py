@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image
 from endoct.synthetic.bone.wall import WallMaps
-from endoct.synthetic.endoscope.cone import Rays, band_centre_mm, rays_of
+from endoct.synthetic.endoscope.cone import FrameView, Rays, rays_of
 from endoct.synthetic.sample.parameters import Endoscope
 
 STEP_ACROSS_MM = 0.01
@@ -159,9 +159,9 @@ def bands(camera: Endoscope) -> Iterator[slice]:
         yield slice(first, min(first + rows, camera.height_px))
 
 
-def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View:
+def view(frame: FrameView, rows: slice = slice(None)) -> View:
     """Return the pixels between the annulus' boundaries, of which the inner has a centre of its own, in some rows."""
-    cx, cy = camera.centre_px[frame_index]
+    camera, (cx, cy) = frame.camera, frame.centre_px
     shift_x, shift_y = camera.inner_shift_px
     across = (np.arange(camera.width_px) - cx).astype(np.float32)
     image_rows = np.arange(camera.height_px)[rows]
@@ -185,21 +185,20 @@ def view(camera: Endoscope, frame_index: int, rows: slice = slice(None)) -> View
     return pixels
 
 
-def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
+def visible(wall: WallMaps, frame: FrameView) -> Visible:
     """Return the rows of the wall that a frame's rays can reach before they are behind all of it.
 
     That follows from the rays at the annulus' rims: between these, they end between.
     """
-    least, most = wall.relief_range_mm
+    camera, (least, most) = frame.camera, wall.relief_range_mm
     bend_px = max((drop.bend_px for drop in camera.droplets), default=0.0)
     inner_px = max(0.5 * camera.inner_px, camera.inner_px - math.hypot(*camera.inner_shift_px) - bend_px)
     around = np.arange(RIM_PLACES) * (2 * np.pi / RIM_PLACES)
     rims = np.array([[inner_px], [camera.outer_px + bend_px]])
     x, y = ((rims * turned).astype(np.float32).ravel() for turned in (np.cos(around), np.sin(around)))
-    rays = rays_of(camera, frame_index, x, y)
+    rays = rays_of(frame, x, y)
     ends = [rays.z0 + rays.to_radius_mm(wall.radius_mm + relief) * rays.z1 for relief in (least - CLEARANCE_MM, most)]
-    apex_mm = camera.z_mm[frame_index] - band_centre_mm(camera, wall.radius_mm)
-    apex_row, last = apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
+    apex_row, last = frame.apex_mm / wall.dz_mm, wall.relief_mm.shape[0] - 1
     first_row = math.floor(apex_row + float(min(z.min() for z in ends)) / wall.dz_mm) - 3
     first_row = min(max(first_row, 0), last)
     stop = math.ceil(apex_row + float(max(z.max() for z in ends)) / wall.dz_mm) + 4
@@ -215,9 +214,9 @@ def visible(wall: WallMaps, camera: Endoscope, frame_index: int) -> Visible:
     )
 
 
-def follow(wall: Visible, camera: Endoscope, frame_index: int, pixels: View) -> Hits:
+def follow(wall: Visible, frame: FrameView, pixels: View) -> Hits:
     """Return where the pixels' rays meet the wall."""
-    rays = rays_of(camera, frame_index, pixels.look_x_px, pixels.look_y_px)
+    rays = rays_of(frame, pixels.look_x_px, pixels.look_y_px)
     t = _march(wall, rays)
     radius, row, column = wall.place(rays, t)
     u, v = rays.u0 + t * rays.u1, rays.v0 + t * rays.v1

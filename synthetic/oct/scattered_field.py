@@ -24,9 +24,9 @@ from endoct.synthetic.sample.randomness import Stage, bell, generator
 
 Field = NDArray[np.complex64]
 COLUMNS = 128
-"""So many columns are worked on at a time."""
+"""Number of columns worked on at a time."""
 STRIDE = 32
-"""So many samples of a spectrum follow from one phasor."""
+"""Number of samples of a spectrum that follow from one phasor."""
 PHASE_RAD, PHASE_TURNS = 12.0, 0.01
 """The phase of reflectors wanders by this over this part of a turn, as fast as columns can follow.
 

@@ -44,7 +44,7 @@ DENSITY_BINS = 16
 MARGIN_RINGS = 3
 """Interpolation between rings reads so many beyond."""
 NODES = 128
-"""So many nodes are worked on at a time."""
+"""Number of nodes worked on at a time."""
 NEGLIGIBLE_DB = -20.0
 """What bone returns below this is left out."""
 TABLE_PER_PX = 32

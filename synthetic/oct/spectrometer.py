@@ -30,7 +30,7 @@ LOG_BIAS_DB = 2.5068
 BAND_LAGS = (1, 5, 13)
 """Noise comes again after so many samples: half a wave over the depth, two and a half, and six and a half."""
 BLOCK = 128
-"""So many A-scans fit the cache."""
+"""Number of A-scans that fit the cache."""
 
 
 @dataclass(frozen=True, eq=False)

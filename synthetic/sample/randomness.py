@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 
 BELL_WORDS = 2**14
-"""So many words are drawn at once, each for four numbers."""
+"""Number of words drawn at once, each for four numbers."""
 
 
 class Stage(IntEnum):

@@ -37,10 +37,10 @@ def test_every_dependency_is_listed_with_its_version_and_licence() -> None:
     pinned = dict(
         line.lower().split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line
     )
-    page = (ROOT / "docs" / "reference" / "licences.md").read_text(encoding="utf-8").split("\n## ")[0]
+    page = (ROOT / "THIRD_PARTY.md").read_text(encoding="utf-8").split("\n## ")[0]
     listed = {row[0]: row[1:] for row in re.findall(r"^\| ([\w-]+) \| ([^|]+) \| ([^|]+) \|$", page, re.MULTILINE)}
     for name in {re.sub(r"[_.]", "-", name) for name in names}:
-        assert name in listed, f"run docs/licences.py: {name} is not in docs/reference/licences.md"
+        assert name in listed, f"run docs/licences.py: {name} is not in THIRD_PARTY.md"
         version_, licence = listed[name]
         assert licence
         assert version_ in (pinned.get(name, version_), pinned.get(name.replace("-", "_"), version_))

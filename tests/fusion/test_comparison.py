@@ -21,15 +21,15 @@ from endoct.fusion.comparison import (
     Comparison,
     compare_panoramas,
     compare_placed,
-    compare_sides,
     load_comparison,
+    place_sides,
     save_comparison,
+    score_placed,
 )
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH
 from endoct.fusion.segmentation.side_cells import segment_side
-from endoct.fusion.sides import Placed
 from endoct.stitching.panorama import Panorama
 
 COARSE = CompareParameters(n_theta=512)
@@ -103,12 +103,11 @@ def test_it_plots_both_sides_and_where_their_cells_differ(compared: Comparison) 
 
 
 @pytest.mark.parametrize("correct_twist", [False, True])
-def test_both_sides_are_shown_once_as_they_will_be_scored(pair: Pair, correct_twist: bool) -> None:
-    placed: list[Placed] = []
+def test_both_sides_are_placed_as_they_will_be_scored(pair: Pair, correct_twist: bool) -> None:
     parameters = COARSE.model_copy(update={"correct_twist": correct_twist})
-    found = compare_sides(*two_sides(pair.a, pair.b), parameters, when_placed=placed.append)
-    (shown,) = placed
-    assert (shown.grid, shown.sides, shown.aligned) == (found.grid, found.sides, found.alignment is not None)
+    shown = place_sides(*two_sides(pair.a, pair.b), parameters)
+    found = score_placed(shown, parameters)
+    assert (shown.grid, shown.sides, shown.alignment) == (found.grid, found.sides, found.alignment)
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:

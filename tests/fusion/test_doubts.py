@@ -14,8 +14,8 @@ from endoct.fusion.doubts import (
     doubts_of_largest_cell,
     doubts_of_orientation,
     doubts_of_parts,
-    doubts_of_result,
     doubts_of_scale,
+    doubts_of_scores,
     scale_at_limit,
 )
 from endoct.fusion.evidence.evidence import Evidence
@@ -24,7 +24,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import largest_cell_share, remedies
 from endoct.fusion.registration.rigidity import Part
-from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores, Result, StoredAlignment
+from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import AxialScale, Panorama
 
@@ -43,15 +43,14 @@ def side(
     return Side(name, replace(made, doubts=doubts, axial_scale=AxialScale(stated or {}, checked)))
 
 
-def of_result(**changed: Any) -> list[Doubt]:
-    stated = {"jaccard": 0.8, "dice": 0.9, "valid_fraction": 0.95} | changed
-    made = Result(sides=("endoscope", "oct"), aligned=True, alignment=StoredAlignment.of(ALIGNED), **stated)
-    return outside(doubts_of_result(made))
+def of_scores(valid_fraction: float = 0.95, **changed: Any) -> list[Doubt]:
+    scores = {"grid": Overlap(jaccard=0.8, dice=0.9)} | changed
+    return outside(doubts_of_scores(valid_fraction, PairScores(**scores)))
 
 
 def test_a_sound_comparison_is_not_doubted() -> None:
     assert of_alignment() == []
-    assert of_result() == []
+    assert of_scores() == []
 
 
 def test_a_forced_alignment_is_doubted() -> None:
@@ -115,7 +114,7 @@ def test_cells_that_drift_apart_cast_doubt(pairs: int, per_mm: float, error: flo
     moving = Line(mean=0.0, per_mm=-per_mm, per_mm_error=error)
     for drift in (Drift(pairs=pairs, length_mm=8.0, z_mm=moving, arc_mm=still),
                   Drift(pairs=pairs, length_mm=8.0, z_mm=still, arc_mm=moving)):  # fmt: skip
-        found = of_result(scores=PairScores(drift=drift))
+        found = of_scores(drift=drift)
         assert [doubt.code for doubt in found] == ["cells-drift-apart"] * doubted
         if doubted:
             where = "along" if drift.z_mm is moving else "around"
@@ -136,7 +135,7 @@ def test_cells_that_drift_apart_cast_doubt(pairs: int, per_mm: float, error: flo
     ],
 )
 def test_a_score_with_nothing_behind_it_is_doubted(overlap: dict[str, Any], doubted: list[str]) -> None:
-    found = of_result(scores=PairScores(grid=Overlap(jaccard=0.8, **overlap)))
+    found = of_scores(grid=Overlap(jaccard=0.8, **overlap))
     assert [doubt.code for doubt in found] == doubted
 
 
@@ -155,8 +154,8 @@ def test_an_alignment_that_rests_on_one_cell_is_doubted() -> None:
 
 
 def test_little_wall_and_no_cells_are_doubted() -> None:
-    assert [doubt.code for doubt in of_result(valid_fraction=0.41)] == ["little-observed-by-both"]
-    assert [doubt.code for doubt in of_result(jaccard=None, dice=None)] == ["nothing-to-score"]
+    assert [doubt.code for doubt in of_scores(0.41)] == ["little-observed-by-both"]
+    assert [doubt.code for doubt in of_scores(grid=Overlap(jaccard=None, dice=None))] == ["nothing-to-score"]
 
 
 def test_a_twist_corrected_against_the_other_side_is_doubted_with_both_figures() -> None:

@@ -64,7 +64,7 @@ def test_where_there_is_nothing_to_threshold_there_is_none(panorama_of: Callable
     flat = replace(pair.b, depth_mm=np.zeros(pair.b.grid.shape, np.float32))
     sides = two_sides(pair.a, flat)
     cells = segment_side(sides[0], COARSE, "dark"), segment_side(two_sides(pair.a, pair.b)[1], COARSE, "dark")
-    by_method = replace(cells[1], threshold=None)
+    by_method = replace(cells[1], threshold=None, by="method")
     theirs = COARSE.model_copy(update={"segmentation_method": "theirs"})
     result = compare_placed(sides, (cells[0], by_method), pair.truth, theirs).result
     assert result.jaccard > 0.5
@@ -74,7 +74,9 @@ def test_where_there_is_nothing_to_threshold_there_is_none(panorama_of: Callable
 def test_it_does_not_depend_on_whoever_found_the_cells(pair: Pair) -> None:
     sides = two_sides(pair.a, pair.b)
     ours = [segment_side(side, COARSE, "dark") for side in sides]
-    theirs = [replace(cells, mask=np.zeros_like(cells.mask), threshold=None, polarity=None) for cells in ours]
+    theirs = [
+        replace(cells, mask=np.zeros_like(cells.mask), threshold=None, polarity=None, by="method") for cells in ours
+    ]
     by_method = COARSE.model_copy(update={"segmentation_method": "theirs"})
     usual = compare_placed(sides, (ours[0], ours[1]), pair.truth, COARSE).result
     empty = compare_placed(sides, (theirs[0], theirs[1]), pair.truth, by_method).result
@@ -100,7 +102,7 @@ def test_both_samplings_count_what_lies_there(panorama_of: Callable[..., Panoram
     sides = two_sides(a, b)
     parameters = PLAIN.model_copy(update={"dz_mm": 0.2})
     cells = tuple(segment_side(side, parameters, "dark") for side in sides)
-    nothing = tuple(replace(each, mask=np.zeros_like(each.mask)) for each in cells)
+    nothing = tuple(replace(each, mask=np.zeros_like(each.mask), by="method") for each in cells)
     theirs = parameters.model_copy(update={"segmentation_method": "theirs"})
     of_li = compare_placed(sides, nothing, Alignment(np.pi / 2, 0.2 * rows), theirs).result.by_li
     for overlap in (of_li.grid, of_li.own_rows):

@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from endoct.modalities.conformance import CHECKS, Check, Subject
-from endoct.modalities.reading.recording import image_files, open_stack
+from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.registry import manifests
 
 FRAMES = range(12, 26)
@@ -21,8 +21,9 @@ def subject(request: pytest.FixtureRequest, quick_specimen: Path, tmp_path_facto
         stack = open_stack(whole)
         tifffile.imwrite(part / "pullback.tif", [stack[index] for index in FRAMES], photometric="minisblack")
     else:
+        files = open_stack(whole).reader.files  # type: ignore[attr-defined]
         for index in FRAMES:
-            shutil.copy(image_files(whole)[index], part)
+            shutil.copy(files[index], part)
     return Subject(manifests()[request.param], part)
 
 

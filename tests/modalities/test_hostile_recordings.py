@@ -23,7 +23,8 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading import tiff_directory
-from endoct.modalities.reading.recording import image_files, open_stack
+from endoct.modalities.reading.frame_names import read_names
+from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.reading.tiff import is_tiff
 from endoct.modalities.reading.video import ReadVideo
 from endoct.modalities.reading.video_container import container_of
@@ -357,10 +358,11 @@ def test_names_with_digits_that_are_no_numbers(tmp_path: Path) -> None:
     names = ["1²0.png", "٣.png", "10.png", "9.png", "9" * 200 + ".png"]
     for name in names:
         (tmp_path / name).touch()
-    found = [path.name for path in image_files(tmp_path)]
+    files = [name.path for name in read_names(sorted(tmp_path.iterdir()))[0]]
+    found = [path.name for path in files]
     assert sorted(found) == sorted(names)
     assert found.index("9.png") < found.index("10.png") < found.index("9" * 200 + ".png")
-    assert positions_by_number(image_files(tmp_path), 0.2) is None
+    assert positions_by_number(files, 0.2) is None
     counted = [Path(f"{'9' * 60}{k}.png") for k in (0, 1, 2, 3, 5)]
     assert positions_by_number(counted, 0.2) is None
     assert positions_by_number([Path(f"٣{k}.png") for k in (0, 1, 2, 3, 4, 6)], 1.0) == (0, 1, 2, 3, 4, 6)

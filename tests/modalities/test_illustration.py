@@ -15,9 +15,9 @@ from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm,
 from endoct.stitching.strip import Strip
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.page.recorded import picture_json
-from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 
 @pytest.fixture(scope="module")

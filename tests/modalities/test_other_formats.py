@@ -28,6 +28,7 @@ STARTS = {
     "a.mat": (b"MATLAB 5.0 MAT-file" + bytes(200), "MATLAB"),
     "a.h5": (b"\x89HDF\r\n\x1a\n" + bytes(40), "HDF5"),
     "a.dcm": (bytes(128) + b"DICM" + bytes(40), "DICOM"),
+    "a.oct": (b"\xa5\xa7\x7d\x0c\x0a\x01" + bytes(40), "Bioptigen"),
     "a.zip": (b"PK\3\4" + bytes(40), "a ZIP file"),
 }
 

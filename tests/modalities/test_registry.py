@@ -12,6 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Manifest, Sniff
+from endoct.modalities.recognition import open_recording
 
 
 class Reader:
@@ -112,17 +113,17 @@ def test_unknown_names_and_missing_paths(tmp_path: Path) -> None:
 def test_opening_needs_a_sidecar_and_overrides_replace_its_keys(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     with pytest.raises(EndoctError, match=r"has no acquisition.toml.*--write-sidecar"):
-        registry.open_recording(tmp_path)
+        open_recording(tmp_path)
     (tmp_path / "acquisition.toml").write_text("bore_diameter_mm = 2.5\n")
     for wrong in ("abc", -1.0):
         with pytest.raises(EndoctError, match=r"^'bore_diameter_mm' in the settings cannot be used"):
-            registry.open_recording(tmp_path, overrides={"bore_diameter_mm": wrong})
-    found, stream = registry.open_recording(tmp_path, overrides={"bore_diameter_mm": 1.8})
+            open_recording(tmp_path, overrides={"bore_diameter_mm": wrong})
+    found, stream = open_recording(tmp_path, overrides={"bore_diameter_mm": 1.8})
     assert found is SONAR_MANIFEST
     assert stream.acquisition == Acquisition(modality="sonar", bore_diameter_mm=1.8)
     (tmp_path / "acquisition.toml").write_text("bore_diameter_mm = 'abc'\n")
     with pytest.raises(EndoctError, match=r"^'bore_diameter_mm' in \S+/acquisition.toml cannot be used"):
-        registry.open_recording(tmp_path)
+        open_recording(tmp_path)
 
 
 def test_a_command_to_type_has_its_path_in_quotes(tmp_path: Path) -> None:
@@ -130,7 +131,7 @@ def test_a_command_to_type_has_its_path_in_quotes(tmp_path: Path) -> None:
     folder.mkdir()
     (folder / "sonar").touch()
     with pytest.raises(EndoctError) as refused:
-        registry.open_recording(folder)
+        open_recording(folder)
     assert f"`endoct info '{folder}' --write-sidecar`" in str(refused.value)
 
 

@@ -12,8 +12,8 @@ from endoct.base.errors import EndoctError
 from endoct.synthetic.draw import draw
 from endoct.synthetic.specimen import simulate as render
 from endoct.workbench.bench.runner import parse_seeds
-from endoct.workbench.pipeline.settings import parse, parse_vary
 from endoct.workbench.pipeline.simulating import simulate
+from endoct.workbench.settings import parse, parse_vary
 
 SAMPLE: dict[str, Any] = json.loads(draw("learning", 3).model_dump_json())
 

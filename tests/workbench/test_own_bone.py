@@ -17,7 +17,7 @@ from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.patient import Bone, bone_around
 from endoct.workbench import simulate
 from endoct.workbench.cli import main
-from endoct.workbench.pipeline.settings import parse_place
+from endoct.workbench.settings import parse_place
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -7,16 +7,28 @@ from pathlib import Path
 import pytest
 import tyro
 
-from endoct.workbench import compare, export, pose, pose_outlook, simulate, unroll
-from endoct.workbench.calibrating.calibration import calibrate
+from endoct.workbench import (
+    calibrate,
+    compare,
+    export,
+    pose,
+    pose_outlook,
+    run_bench,
+    simulate,
+    summarise,
+    train,
+    unroll,
+    verify,
+)
 from endoct.workbench.calibrating.printed_tube import write_tube
-from endoct.workbench.commands.comparisons import Compare
-from endoct.workbench.commands.outputs import Export
+from endoct.workbench.commands.comparisons import Compare, Summarise
+from endoct.workbench.commands.outputs import Export, Verify
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll
+from endoct.workbench.commands.research import Bench, Train
 from endoct.workbench.commands.simulations import Simulate
-from endoct.workbench.pipeline.settings import parse, parse_place, parse_vary
 from endoct.workbench.requests import (
+    BenchRequest,
     CalibrateRequest,
     CompareRequest,
     ExportRequest,
@@ -24,10 +36,14 @@ from endoct.workbench.requests import (
     OutlookRequest,
     PoseRequest,
     SimulateRequest,
+    SummariseRequest,
     TargetRequest,
+    TrainRequest,
     UnrollRequest,
+    VerifyRequest,
     by_request,
 )
+from endoct.workbench.settings import parse, parse_place, parse_vary
 
 COMMANDS = {
     Unroll: UnrollRequest,
@@ -38,6 +54,10 @@ COMMANDS = {
     Calibrate: CalibrateRequest,
     Tube: TargetRequest,
     Info: InfoRequest,
+    Summarise: SummariseRequest,
+    Verify: VerifyRequest,
+    Train: TrainRequest,
+    Bench: BenchRequest,
 }
 PYTHON = (
     (unroll, UnrollRequest),
@@ -48,6 +68,10 @@ PYTHON = (
     (export, ExportRequest),
     (calibrate, CalibrateRequest),
     (write_tube, TargetRequest),
+    (summarise, SummariseRequest),
+    (verify, VerifyRequest),
+    (train, TrainRequest),
+    (run_bench, BenchRequest),
 )
 NOT_TYPED = {"progress", "on_remark"}
 """What only Python can give."""

@@ -8,7 +8,6 @@ import torch
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.segmentation.learned.network import Eye, load_eye
-from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.training import ROWS, WEIGHTS, Example, fitted, loss_of, train, varied
 
 
@@ -61,16 +60,12 @@ def test_a_fit_learns_and_the_same_seed_gives_the_same_weights() -> None:
 
 def test_nothing_is_trained_of_nothing(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="0 bores"):
-        train(
-            tmp_path / "eye", n_bores=0, steps=1, batch=1, seed=0, device="cpu", overwrite=False, stages=SilentStages()
-        )
+        train(tmp_path / "eye", bores=0, steps=1, batch=1, seed=0, device="cpu", overwrite=False, progress=False)
     assert not (tmp_path / "eye").exists()
 
 
 @pytest.mark.slow
 def test_an_eye_is_trained_from_nothing(tmp_path: Path) -> None:
-    card = train(
-        tmp_path / "eye", n_bores=1, steps=2, batch=1, seed=0, device="cpu", overwrite=False, stages=SilentStages()
-    )
+    card = train(tmp_path / "eye", bores=1, steps=2, batch=1, seed=0, device="cpu", overwrite=False, progress=False)
     assert card["trained_on"] == ["learning 7000"]
     assert load_eye(tmp_path / "eye" / WEIGHTS)[1]["steps"] == 2

@@ -25,28 +25,15 @@ from endoct.workbench.bench.results.result_tables import (
 from endoct.workbench.bench.results.score_summary import Difference, by_word, differences, score_names
 from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
-from endoct.workbench.pipeline.settings import range_text
+from endoct.workbench.requests import BenchRequest, by_request
 from endoct.workbench.running.outputs import BENCH_RESULTS
-from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.progress import Stages, stages_for
+from endoct.workbench.settings import listed_names, range_text
 
 MOST_LISTED = 20
 
 Lines = list[RenderableType]
 """Lines of text and tables for people to read."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to run, in the words of the command line: `endoct bench --help` says what each is."""
-
-    task: str
-    conditions: Sequence[str] = ()
-    methods: Sequence[str] = ()
-    seeds: str = "1000-1009"
-    count: int = 1
-    sweep: str | None = None
-    against: str | None = None
-    data: Sequence[Path] = ()
 
 
 @dataclass(frozen=True)
@@ -105,20 +92,27 @@ def _task_facts(task: AnyTask) -> Facts:
     }
 
 
-def run_bench(
-    request: Request, *, output: Path | None = None, workers: int = 1, overwrite: bool = False, stages: Stages
-) -> tuple[Facts, Lines]:
+@by_request(BenchRequest)
+def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
     """Run a task's methods, write ``output`` where one is given; return the facts, and what to show people.
 
-    Raises :class:`EndoctError` where something in the request is not known, or ``output`` exists.
+    Arguments are those of :class:`~endoct.workbench.requests.BenchRequest`. Raises :class:`EndoctError` where something
+    in the request is not known, or ``output`` exists.
+
+    >>> from endoct.workbench import run_bench
+    >>> facts, _ = run_bench("segmentation", methods=["otsu"], seeds="1000", progress=False)
+    >>> facts["summary"][0]["method"], facts["summary"][0]["ok"]
+    ('otsu', 1)
     """
+    workers, overwrite, stages = request.workers, request.overwrite, stages_for(request.progress)
+    output, data = None if request.output is None else Path(request.output), [Path(folder) for folder in request.data]
     if request.count < 1 or workers < 1:
         raise EndoctError("--count and --workers must be at least 1", found=f"{request.count} and {workers}")
     task, plan = _planned(request)
     if output is None:
         _, facts, lines = _run(task, plan, workers, None, stages)
         return facts, lines
-    check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=request.data)
+    check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data)
     checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
     try:
         results, facts, lines = _run(task, plan, workers, checkpoint, stages)
@@ -127,16 +121,16 @@ def run_bench(
         raise KeyboardInterrupt(
             f"{n_finished} of {n_sources} cases are kept in {checkpoint.folder}; the same command resumes the run"
         ) from None
-    with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=request.data) as scratch:
+    with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
         scratch.mkdir()
         _write(results, facts, scratch, stages)
     checkpoint.remove()
     return facts, [*lines, f"results: {output}"]
 
 
-def _planned(request: Request) -> tuple[AnyTask, Plan]:
+def _planned(request: BenchRequest) -> tuple[AnyTask, Plan]:
     task = load_task(request.task)
-    methods = check_names(task, request.methods)
+    methods = check_names(task, listed_names(request.methods))
     if request.against is not None:
         task = replace(task, against=check_names(task, [request.against])[0])
     if task.against is not None and task.against not in methods:
@@ -144,7 +138,7 @@ def _planned(request: Request) -> tuple[AnyTask, Plan]:
     if request.data:
         if request.conditions or request.sweep:
             raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
-        return task, Plan(request.task, methods, ranges={}, own=own_folders(request.data))
+        return task, Plan(request.task, methods, ranges={}, own=own_folders([Path(folder) for folder in request.data]))
     ranges = narrowed(task, request.conditions, request.sweep)
     return task, Plan(request.task, methods, parse_seeds(request.seeds), request.count, ranges)
 

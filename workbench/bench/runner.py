@@ -31,9 +31,9 @@ from endoct.workbench.bench.task import (
     load_method,
     load_task,
 )
-from endoct.workbench.pipeline.settings import numbers, range_texts, words
 from endoct.workbench.running.progress import Advance
 from endoct.workbench.running.scheduler import one_blas_thread
+from endoct.workbench.settings import numbers, range_texts, words
 
 Status = Literal["ok", "declined", "failed", "missing"]
 LONGEST_REASON = 300

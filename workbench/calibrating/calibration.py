@@ -5,23 +5,22 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import tomli_w
+import tomlkit
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_unchanged, digests, path_text, sha256_of, state_of
 from endoct.base.files.output import check_output, new_output
-from endoct.modalities.acquisition import read_keys, sidecar_path
 from endoct.modalities.contract import CalibratingModality
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import Recognised, recognise
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target, read_target
 from endoct.workbench.exporting.mark import BLANK, is_marked, mark
-from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.requests import CalibrateRequest, by_request
 from endoct.workbench.running.outputs import CALIBRATION, versions
 from endoct.workbench.running.progress import stages_for
+from endoct.workbench.settings import parse, split
 
 SAME_DIAMETER = 0.02
 """The sidecar's bore and the tube's are the same where they differ by less than this share."""
@@ -40,6 +39,17 @@ def calibrate(request: CalibrateRequest) -> Measurement:
     Arguments are those of :class:`~endoct.workbench.requests.CalibrateRequest`. The figure lies next to ``output``, by
     the same name with ``.png``. Raises :class:`EndoctError` where the plug-in cannot be calibrated, the recording does
     not show the tube's marks, or the tube's diameter contradicts it. Nothing is written in these cases.
+
+    A bore of another diameter than the tube's is refused at once; with the specimen of
+    :func:`~endoct.workbench.api.demo`'s example:
+
+    >>> from endoct.workbench import calibrate
+    >>> from endoct.workbench.calibrating.printed_tube import write_tube
+    >>> tube = write_tube("tube", bore_diameter_mm=4.0)
+    >>> calibrate("oct", "demo/specimen/oct", target="tube/tube.toml", output="calibration.toml")
+    Traceback (most recent call last):
+        ...
+    endoct.base.errors.EndoctError: the diameter in the sidecar is not that of the tube; ...
     """
     recording, target, output = Path(request.recording), Path(request.target), Path(request.output)
     modality, overwrite, stages = request.modality, request.overwrite, stages_for(request.progress)
@@ -48,13 +58,13 @@ def calibrate(request: CalibrateRequest) -> Measurement:
     for path in (output, figure):
         check_output(path, CALIBRATION, overwrite=overwrite, inputs=[target], is_ours=is_marked)
     files = state_of(recording)
-    manifest = manifest_for(recording, modality)
+    recognised = recognise(recording, modality)
+    manifest = recognised.manifest
     implementation = manifest.load()
     if not hasattr(implementation, "calibrate"):
         raise EndoctError(f"the modality '{manifest.name}' cannot be calibrated by a tube")
     overrides, parameters = split(parse(request.settings), manifest)
-    overrides = _bore_of(recording, tube, overrides)
-    _, stream = open_recording(recording, modality=modality, overrides=overrides)
+    stream = recognised.open(_bore_of(recognised, tube, overrides))
     with stages.stage(f"calibrate {manifest.name}"):
         measured = cast(CalibratingModality[Any, Any], implementation).calibrate(stream, parameters, tube)
     check_unchanged(recording, files)
@@ -68,13 +78,13 @@ def calibrate(request: CalibrateRequest) -> Measurement:
     return measured
 
 
-def _bore_of(recording: Path, tube: Target, overrides: Mapping[str, object]) -> dict[str, object]:
+def _bore_of(recognised: Recognised, tube: Target, overrides: Mapping[str, object]) -> dict[str, object]:
     """Return the overrides with the tube's diameter. Raises :class:`EndoctError` where the sidecar has another."""
-    stated = overrides.get("bore_diameter_mm", read_keys(recording).get("bore_diameter_mm"))
+    stated = overrides.get("bore_diameter_mm", recognised.sidecar_keys.get("bore_diameter_mm"))
     if isinstance(stated, int | float) and abs(stated / tube.bore_diameter_mm - 1) > SAME_DIAMETER:
         raise EndoctError(
             "the diameter in the sidecar is not that of the tube",
-            found=f"bore_diameter_mm = {stated:g} in {sidecar_path(recording)}",
+            found=f"bore_diameter_mm = {stated:g} in {recognised.sidecar}",
             expected=f"{tube.bore_diameter_mm:g}",
             remedy="name the tube.toml of the tube that was recorded",
         )
@@ -93,7 +103,7 @@ def _toml(measured: Measurement, recording: Path, target: Path) -> str:
     ]
     keys = {name: _rounded(value) for name, value in measured.keys.items()}
     errors = {name: _significant(value) for name, value in measured.standard_errors.items()}
-    return "\n".join(lines) + "\n\n" + tomli_w.dumps({**keys, "standard_errors": errors})
+    return "\n".join(lines) + "\n\n" + tomlkit.dumps({**keys, "standard_errors": errors})
 
 
 def _rounded(value: object) -> object:

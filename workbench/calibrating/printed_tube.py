@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-import tomli_w
+import tomlkit
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -161,7 +161,7 @@ def _toml(tube: Target) -> str:
     errors = values.pop("standard_errors")
     lines = ["# A tube to calibrate by. Print it, measure it, and enter what was measured.", ""]
     for name, value in values.items():
-        lines += [f"# {about[name]}", tomli_w.dumps({name: value}).rstrip()]
+        lines += [f"# {about[name]}", tomlkit.dumps({name: value}).rstrip()]
     lines += ["", "[standard_errors]  # mm; smaller ones for what was measured"]
     for name, value in errors.items():
         lines += [f"# {of_errors[name]}", f"{name} = {value}"]

@@ -15,13 +15,13 @@ from tyro.conf import Positional
 
 from endoct.base.errors import visible
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.commands.comparisons import Compare, report, serve, summarise
+from endoct.workbench.commands.comparisons import Compare, Summarise, report, serve
 from endoct.workbench.commands.opening import open_folder
-from endoct.workbench.commands.outputs import Export, verify
+from endoct.workbench.commands.outputs import Export, Verify
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.published import Submit, board, check, layout, make
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll, modalities
-from endoct.workbench.commands.research import Bench, train
+from endoct.workbench.commands.research import Bench, Train
 from endoct.workbench.commands.simulations import Dataset, Simulate, demo, warm_up
 from endoct.workbench.running.refusals import DONE, WRONG_USAGE, visible_lines
 
@@ -62,13 +62,13 @@ def run(arguments: Sequence[str]) -> int:
         "dataset": Dataset,
         "bench": Bench,
         **{f"bench-{name}": command for name, command in OF_BENCH.items()},
-        "train": train,
+        "train": Train,
         "report": report,
         "serve": serve,
-        "summarise": summarise,
+        "summarise": Summarise,
         "export": Export,
         "info": Info,
-        "verify": verify,
+        "verify": Verify,
         "modalities": modalities,
         "warm-up": warm_up,
         "completion": completion,

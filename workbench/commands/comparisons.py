@@ -9,7 +9,7 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
-from endoct.workbench.requests import UNSET, CompareRequest, Output, OutputPath
+from endoct.workbench.requests import UNSET, CompareRequest, Output, SummariseRequest
 from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Compare(CompareRequest):
     def __call__(self) -> int:
         """Compare, print the result, and return the exit status."""
         from endoct.workbench import api
-        from endoct.workbench.pipeline.settings import parse
+        from endoct.workbench.settings import parse
 
         settings = parse(self.settings) | ({"force": True} if self.force else {})
         api.compare(replace(self, settings=settings, progress=command_stages(self.json)))
@@ -76,47 +76,45 @@ def serve(folder: Positional[Path], host: str = "127.0.0.1", port: Annotated[int
     return DONE
 
 
-def summarise(
-    folders: Positional[tuple[Path, ...]],
-    output: OutputPath,
-    against: tuple[Path, ...] = (),
-    repeats: bool = False,
-    overwrite: bool = False,
-    json: bool = False,
-) -> int:
+@dataclass(frozen=True, eq=False)
+class Summarise(SummariseRequest):
     """Summarise many comparisons: a tidy table, medians over specimens with intervals, differences, repeatability.
 
     Or many poses: a row each, and how far the two sides agree over all of them.
 
     Args:
-        folders: folders written by `endoct compare`, or by `endoct pose`
-        output: folder to write to
-        against: a second set of comparisons, paired with the first by their recordings, or else by folder names
-        repeats: comparisons in one folder are of one specimen; report their repeatability
-        overwrite: replace the output if it exists
         json: print the summary as JSON
     """
-    from endoct.workbench import api
 
-    tables = api.summarise(folders, output, against=against, repeats=repeats, overwrite=overwrite)
-    if json:
-        print_json(tables)
+    output: Output = field()
+    _: KW_ONLY
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Summarise, print the tables, and return the exit status."""
+        from endoct.workbench import api
+
+        tables = api.summarise(self)
+        if self.json:
+            print_json(tables)
+            return DONE
+        for name in ("summary", "paired", "repeatability"):
+            if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables.get(name, ())]:
+                _print_table(name, rows)
+        _print_poses(tables.get("poses", ()), tables.get("agreement", ()))
+        print_line(f"summary: {self.output}")
         return DONE
-    for name in ("summary", "paired", "repeatability"):
-        if rows := [{k: v for k, v in row.items() if k not in _IN_FILES_ONLY} for row in tables.get(name, ())]:
-            table = Table(title=name, title_justify="left", box=None)
-            for column in rows[0]:
-                table.add_column(column, no_wrap=True)
-            for row in rows:
-                table.add_row(
-                    *("–" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values())
-                )
-            console = TextConsole()
-            console.width = max(console.width, _WIDEST)
-            console.print(table, crop=False)
-    _print_poses(tables.get("poses", ()), tables.get("agreement", ()))
-    print_line(f"summary: {output}")
-    return DONE
+
+
+def _print_table(name: str, rows: "Sequence[Row]") -> None:
+    table = Table(title=name, title_justify="left", box=None)
+    for column in rows[0]:
+        table.add_column(column, no_wrap=True)
+    for row in rows:
+        table.add_row(*("–" if v is None else f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()))
+    console = TextConsole()
+    console.width = max(console.width, _WIDEST)
+    console.print(table, crop=False)
 
 
 def _print_poses(poses: Sequence["Row"], agreement: Sequence["Row"]) -> None:

@@ -116,8 +116,3 @@ def print_json(value: object) -> None:
     """Print ``value`` as JSON, escaped where the terminal's encoding lacks letters."""
     has_all_letters = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
     print(json_text(value) if has_all_letters else json.dumps(value, indent=1))  # noqa: T201
-
-
-def listed_names(text: str) -> list[str]:
-    """Return the names in a list that commas separate."""
-    return [name.strip() for name in text.split(",") if name.strip()]

@@ -1,13 +1,10 @@
 """Commands about outputs: write them for other programs, and check that they are as they were written."""
 
 from dataclasses import KW_ONLY, dataclass, replace
-from pathlib import Path
-
-from tyro.conf import Positional
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.commands.console import command_stages, print_doubts, print_json, print_line
-from endoct.workbench.requests import ExportRequest
+from endoct.workbench.requests import ExportRequest, VerifyRequest
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
 
@@ -44,29 +41,35 @@ class Export(ExportRequest):
         return DONE
 
 
-def verify(path: Positional[Path], json: bool = False) -> int:
+@dataclass(frozen=True, eq=False)
+class Verify(VerifyRequest):
     """Check that an output of endoct is as it was written, to the byte: nothing changed, missing or added.
 
     Args:
-        path: a panorama, comparison, report, export, specimen, data set, summary or bench results, or a folder of such
         json: print as JSON
     """
-    from endoct.workbench.verifying import verify as check
 
-    verdicts = check(path, progress=command_stages(json))
-    wrong = [verdict for verdict in verdicts if not verdict.intact]
-    if json:
-        print_json([verdict.to_json() for verdict in verdicts])
-        return UNUSABLE_INPUT if wrong else DONE
-    for verdict in verdicts:
-        state = "as it was written" if verdict.intact else str(verdict.differences)
-        print_line(f"{verdict.path}: {verdict.kind}, {verdict.files} files, {verdict.bytes / 1e6:.1f} MB: {state}")
-    if wrong:
-        raise EndoctError(
-            f"{len(wrong)} of {len(verdicts)} outputs in {path} are not as they were written"
-            if len(verdicts) > 1
-            else f"{path} is not as it was written",
-            found=str(wrong[0].differences),
-            remedy="make it again, or take back what was changed",
-        )
-    return DONE
+    _: KW_ONLY
+    json: bool = False
+
+    def __call__(self) -> int:
+        """Check, print what is not as it was written, and return the exit status."""
+        from endoct.workbench.verifying import verify
+
+        verdicts = verify(replace(self, progress=command_stages(self.json)))
+        wrong = [verdict for verdict in verdicts if not verdict.intact]
+        if self.json:
+            print_json([verdict.to_json() for verdict in verdicts])
+            return UNUSABLE_INPUT if wrong else DONE
+        for verdict in verdicts:
+            state = "as it was written" if verdict.intact else str(verdict.differences)
+            print_line(f"{verdict.path}: {verdict.kind}, {verdict.files} files, {verdict.bytes / 1e6:.1f} MB: {state}")
+        if wrong:
+            raise EndoctError(
+                f"{len(wrong)} of {len(verdicts)} outputs in {self.path} are not as they were written"
+                if len(verdicts) > 1
+                else f"{self.path} is not as it was written",
+                found=str(wrong[0].differences),
+                remedy="make it again, or take back what was changed",
+            )
+        return DONE

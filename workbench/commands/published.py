@@ -8,7 +8,7 @@ from tyro.conf import Positional, arg
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
-from endoct.workbench.commands.console import command_stages, listed_names, print_json, print_line
+from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.requests import OutputPath
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
@@ -97,6 +97,7 @@ class Submit:
         """Run the methods, print what was written, and return the exit status."""
         from endoct.workbench.bench.program import parse_programs
         from endoct.workbench.bench.published.submission import submit
+        from endoct.workbench.settings import listed_names
 
         submission = submit(
             self.data,
@@ -142,6 +143,7 @@ def check(
     """
     from endoct.workbench.bench.program import parse_programs
     from endoct.workbench.bench.published.submission import check as run
+    from endoct.workbench.settings import listed_names
 
     if sample < 1:
         raise EndoctError("--sample must be at least 1", found=str(sample))

@@ -73,10 +73,11 @@ class Info(InfoRequest):
 
     def __call__(self) -> int:
         """Print what is asked for, and return the exit status."""
-        from endoct.workbench.pipeline.information import describe, in_lines, recognise, write_thumbnail
+        from endoct.modalities.recognition import recognise
+        from endoct.workbench.pipeline.information import describe, in_lines, write_thumbnail
 
         if self.thumbnail is not None:
-            write_thumbnail(recognise(self.path, self.modality).sniff.preview, self.path, self.thumbnail)
+            write_thumbnail(recognise(self.path, self.modality), self.thumbnail)
         if self.write_sidecar:
             return _write_sidecar(self)
         facts = describe(self.path, self.modality)
@@ -89,15 +90,15 @@ class Info(InfoRequest):
 
 
 def _write_sidecar(request: InfoRequest) -> int:
-    from endoct.workbench.pipeline.information import STATED, recognise
+    from endoct.modalities.recognition import STATED, recognise
     from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
 
     recognised = recognise(request.path, request.modality)
-    name = recognised.manifest.name
-    sidecar, missing = write_sidecar_template(request.path, name, overwrite=request.overwrite)
+    certainty = recognised.certainty
+    sidecar, missing = write_sidecar_template(recognised, overwrite=request.overwrite)
     print_line(f"sidecar: {sidecar}")
-    if recognised.certainty != STATED:
-        print_line(f"modality: {name} ({recognised.certainty}: {recognised.sniff.reason})")
+    if certainty != STATED:
+        print_line(f"modality: {recognised.manifest.name} ({certainty}: {recognised.sniff.reason})")
     for key, why in missing.items():
         print_line(f"to fill in: {key} – {why}")
     return DONE

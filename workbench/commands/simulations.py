@@ -99,7 +99,7 @@ class Dataset:
         """Make the data set, or estimate what it would take; print that, and return the exit status."""
         from endoct.workbench.dataset.creation import run_dataset
         from endoct.workbench.dataset.plan import Plan
-        from endoct.workbench.pipeline.settings import parse_vary
+        from endoct.workbench.settings import parse_vary
 
         ranges, stages = parse_vary(self.vary), command_stages(self.json)
         plan = Plan(self.count, self.preset, self.seed, ranges, self.format, self.labels, self.recordings_per_bore)

@@ -18,7 +18,7 @@ from endoct.base.files.output import check_place
 from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scratch, held
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.presets import PRESETS
-from endoct.workbench.dataset.identity import NAME, check_identity, write_identity
+from endoct.workbench.dataset.identity import check_identity, write_identity
 from endoct.workbench.dataset.overview import LICENCE, MANIFEST, SHEET, readme, write_contact_sheet, write_manifest
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
 from endoct.workbench.dataset.set_files import (
@@ -31,12 +31,13 @@ from endoct.workbench.dataset.set_files import (
     top_file,
 )
 from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
-from endoct.workbench.pipeline.settings import ranges_text
+from endoct.workbench.running.outputs import DATA_SET_FILE
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
+from endoct.workbench.settings import ranges_text
 
 LOCK_NAME = ".lock"
-TOP_FILES = (NAME, "LICENSE", "README.md", MANIFEST, SHEET)
+TOP_FILES = (DATA_SET_FILE, "LICENSE", "README.md", MANIFEST, SHEET)
 
 
 @dataclass(frozen=True)
@@ -283,7 +284,7 @@ def run_dataset(
     try:
         built = make_dataset(output, plan, workers=workers, scheduler=scheduler, stages=stages)
     except KeyboardInterrupt:
-        kept = f"{output} is begun, and the same command goes on with it" if (output / NAME).exists() else ""
+        kept = f"{output} is begun, and the same command goes on with it" if (output / DATA_SET_FILE).exists() else ""
         raise KeyboardInterrupt(kept) from None
     manifest = output / MANIFEST
     digest = hashlib.sha256(manifest.read_bytes()).hexdigest()

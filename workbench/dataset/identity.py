@@ -13,10 +13,9 @@ from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.dataset.set_files import RECORDS, made_beyond, top_file
-from endoct.workbench.pipeline.settings import ranges_text
-from endoct.workbench.running.outputs import versions
+from endoct.workbench.running.outputs import DATA_SET_FILE, versions
+from endoct.workbench.settings import ranges_text
 
-NAME = "dataset.json"
 LICENCE = "CC0-1.0"
 FOLDERS = "specimens", "shards", RECORDS
 """These folders of a set appear with its units."""
@@ -34,7 +33,7 @@ class Identity:
 def write_identity(root: Path, plan: Plan) -> None:
     """Write ``dataset.json`` for ``plan``."""
     stored = {"count": plan.count, "arguments": _arguments(plan), "licence": LICENCE, "versions": made_with()}
-    with top_file(root, NAME) as file:
+    with top_file(root, DATA_SET_FILE) as file:
         file.write((json.dumps(stored, indent=1) + "\n").encode())
 
 
@@ -44,7 +43,7 @@ def check_identity(root: Path, plan: Plan) -> None:
         return
     if not root.is_dir():
         raise EndoctError(f"{root} is no folder", remedy="choose a folder that is empty or does not exist")
-    path = root / NAME
+    path = root / DATA_SET_FILE
     if not path.exists():
         others = sorted(entry.name for entry in root.iterdir() if not _is_bare(entry))
         if others:
@@ -82,7 +81,7 @@ def check_identity(root: Path, plan: Plan) -> None:
 
 def remove_abandoned(root: Path) -> None:
     """Remove the empty folders of a set that is gone, which a worker has made anew."""
-    if (root / NAME).exists():
+    if (root / DATA_SET_FILE).exists():
         return
     for folder in (*(root / name for name in FOLDERS), root):
         with suppress(OSError):  # something lies in it
@@ -99,7 +98,7 @@ def _is_bare(entry: Path) -> bool:
 
 def read_identity(root: Path) -> Identity:
     """Return what ``dataset.json`` holds. Raises :class:`EndoctError` where it cannot be read."""
-    path = root / NAME
+    path = root / DATA_SET_FILE
     with refusing(f"{path} cannot be read", remedy="choose another folder"):
         stored = read_object(path)
         if not isinstance(stored["count"], int):
@@ -118,7 +117,7 @@ def read_identity(root: Path) -> Identity:
 def check_worker(root: Path) -> None:
     """Raise :class:`EndoctError` where this process cannot see the data set, or would make it differently."""
     where = f"the worker on {socket.gethostname()}"
-    path = root / NAME
+    path = root / DATA_SET_FILE
     if not path.exists():
         raise EndoctError(
             f"{where} does not see {root}",

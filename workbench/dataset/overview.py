@@ -19,7 +19,7 @@ from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.dataset.loader import Specimens
 from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
 from endoct.workbench.dataset.set_files import MadeSpecimen, Scalar, read_record, top_file
-from endoct.workbench.pipeline.settings import ranges_text
+from endoct.workbench.settings import ranges_text
 
 MANIFEST = "manifest.csv"
 SHEET = "contact_sheet.png"

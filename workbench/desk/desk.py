@@ -12,17 +12,19 @@ from pathlib import Path
 from typing import Any
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.contents import kind_of
 from endoct.base.files.files import entries, exists, is_folder, leads_below, path_text, read_small
 from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.recognition import recognise
 from endoct.workbench.desk.forms import Command, arguments_of, form_of
 from endoct.workbench.desk.runs import command_line
 from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study, picture_of
+from endoct.workbench.desk.study import Study
+from endoct.workbench.kinds import output_at
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
+from endoct.workbench.pipeline.information import picture_of
 from endoct.workbench.running.outputs import POSE
 
 REPORT_BYTES = 200_000_000
@@ -57,7 +59,7 @@ class OpenFolder:
         """Return the report of a pose, which has no page. Raises :class:`NoSuchTile` where there is none."""
         place = self.folder / name
         path = place / "report.html"
-        there = leads_below(self.folder, place) and exists(place) and kind_of(place) == POSE
+        there = leads_below(self.folder, place) and exists(place) and output_at(place) == POSE
         if not there or path.is_symlink() or not path.is_file():
             raise NoSuchTile("there is no such report", found=name[:80])
         return read_small(path, REPORT_BYTES)
@@ -172,7 +174,7 @@ class Desk:
 
     def picture(self, folder: OpenFolder, name: str) -> bytes:
         """Return a PNG of some frames of a recording. Raises :class:`EndoctError` where there is none."""
-        return picture_of(folder.study.input(name).path)
+        return picture_of(recognise(folder.study.input(name).path))
 
     def _arguments(self, folder: OpenFolder, posted: Mapping[str, Any]) -> tuple[str, ...]:
         name, values = posted.get("command"), posted.get("values")

@@ -8,6 +8,7 @@ appears whole at its place, or not at all.
 import os
 from collections.abc import AsyncIterable, AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from secrets import compare_digest
 from typing import Any
@@ -26,7 +27,7 @@ from endoct.base.files.files import inside, leads_below
 from endoct.base.files.json_values import object_in
 from endoct.base.files.scratch import put_new, scratch_next_to
 from endoct.modalities.registry import manifests
-from endoct.workbench.desk.desk import Desk, whole_path
+from endoct.workbench.desk.desk import Desk, OpenFolder, whole_path
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
@@ -52,70 +53,121 @@ MOST_PARTS = 12
 """Of the path of a dropped file: as deep as folders are looked through, and more."""
 
 Answer = Callable[[Request], Any]
+Act = Callable[[Request, dict[str, Any]], Any]
+"""What is done with a request, and with what was posted as JSON."""
 
 
 def desk_app(desk: Desk, host: str, port: int) -> Starlette:
     """Return the application of ``desk`` for those who call it by ``host`` and ``port``."""
-    queue = desk.state.queue
+    answers = _Answers(desk)
+    routes, data, actions = answers.pages(), answers.data(), answers.actions()
+    return Starlette(
+        lifespan=answers.lifespan,
+        routes=[
+            *(Route(f"{desk.root}{path}", answer) for path, answer in routes.items()),
+            *(Route(f"{desk.root}{path}", _json(answer)) for path, answer in data.items()),
+            *(Route(f"{desk.root}{path}", _posted(act), methods=["POST"]) for path, act in actions.items()),
+            Route(f"{desk.root}/f/{{key}}/file", answers.file, methods=["POST"]),
+            Route(f"{desk.root}/{{name}}", asset),
+        ],
+        middleware=[
+            Middleware(Guard, hosts=allowed_hosts(host, port), is_secret=True),
+            Middleware(_Secret, root=desk.root, results=partial(answers.results, host, port)),
+        ],
+        exception_handlers=ANSWERS_TO_ERRORS,
+    )
 
-    def home(_: Request) -> Response:
-        return _page("desk/home.html", "start", root=desk.root, recent=desk.recent_json())
 
-    def study(request: Request) -> Response:
-        folder = desk.folder(request.path_params["key"])
+class _Answers:
+    """What ``desk`` is asked, and answers."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, self._queue = desk, desk.state.queue
+
+    def pages(self) -> dict[str, Answer]:
+        """Return what is answered with pages and pictures, by address."""
+        return {
+            "/": self.home,
+            "/f/{key}/": self.study,
+            "/f/{key}/recording": self.recording,
+            "/f/{key}/picture.png": self.picture,
+            "/f/{key}/thumbnails/{version}/{number}.png": self.thumbnail,
+            "/f/{key}/report": self.report,
+        }
+
+    def data(self) -> dict[str, Answer]:
+        """Return what is answered with JSON, by address."""
+        desk, queue = self._desk, self._queue
+        return {
+            "/folders.json": lambda request: desk.listed(request.query_params.get("in", "")),
+            "/forms.json": lambda _: {name: form.to_json() for name, form in desk.forms.items()},
+            "/queue.json": lambda _: {"runs": [run.to_json() for run in queue.runs()]},
+            "/queue/{name}/log.json": lambda request: {"log": queue.log(request.path_params["name"])},
+            "/f/{key}/found.json": lambda request: self._folder(request).study.to_json(),
+            "/f/{key}/results.json": lambda request: self._folder(request).results_json(),
+            "/f/{key}/sidecar.json": self.sidecar,
+        }
+
+    def actions(self) -> dict[str, Act]:
+        """Return what is done with what is posted, by address."""
+        desk, queue = self._desk, self._queue
+        return {
+            "/open": lambda _, posted: {"address": desk.open(whole_path(posted.get("folder"))).address},
+            "/queue/clear": lambda *_: _done(queue.clear),
+            "/queue/{name}/cancel": lambda request, _: _done(queue.cancel, request.path_params["name"]),
+            "/queue/{name}/repeat": lambda request, _: {"done": queue.repeat(request.path_params["name"])},
+            "/f/{key}/look": lambda request, _: _done(self._folder(request).study.look),
+            "/f/{key}/command": lambda request, posted: desk.command(self._folder(request), posted),
+            "/f/{key}/run": lambda request, posted: desk.run(self._folder(request), posted),
+            "/f/{key}/sidecar": lambda request, posted: desk.save_sidecar(self._folder(request), posted),
+            "/f/{key}/preview": lambda request, posted: desk.preview(self._folder(request), posted),
+        }
+
+    def _folder(self, request: Request) -> OpenFolder:
+        return self._desk.folder(request.path_params["key"])
+
+    def home(self, _: Request) -> Response:
+        """Answer with the start page."""
+        return _page("desk/home.html", "start", root=self._desk.root, recent=self._desk.recent_json())
+
+    def study(self, request: Request) -> Response:
+        """Answer with the page of an open folder, and look through it again."""
+        folder = self._folder(request)
         folder.study.look()
         name = folder.folder.name or str(folder.folder)
-        return _page("desk/study.html", name, root=desk.root, folder=folder.folder)
+        return _page("desk/study.html", name, root=self._desk.root, folder=folder.folder)
 
-    def recording(request: Request) -> Response:
-        folder = desk.folder(request.path_params["key"])
+    def recording(self, request: Request) -> Response:
+        """Answer with the page of a recording."""
+        folder = self._folder(request)
         found = folder.study.input(request.query_params.get("name", ""))
         shown = {"folder": folder.folder, "recording": found, "modalities": [*manifests()]}
-        return _page("desk/recording.html", found.name, root=desk.root, **shown)
+        return _page("desk/recording.html", found.name, root=self._desk.root, **shown)
 
-    def picture(request: Request) -> Response:
-        png = desk.picture(desk.folder(request.path_params["key"]), request.query_params.get("name", ""))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+    def picture(self, request: Request) -> Response:
+        """Answer with some frames of a recording."""
+        return _png(self._desk.picture(self._folder(request), request.query_params.get("name", "")))
 
-    def thumbnail(request: Request) -> Response:
-        parts = request.path_params
-        png = desk.folder(parts["key"]).thumbnail(parts["version"], whole_number(parts["number"]))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+    def thumbnail(self, request: Request) -> Response:
+        """Answer with the picture of a result."""
+        version, number = request.path_params["version"], whole_number(request.path_params["number"])
+        return _png(self._folder(request).thumbnail(version, number))
 
-    def report(request: Request) -> Response:
-        html = desk.folder(request.path_params["key"]).report(request.query_params.get("name", ""))
+    def report(self, request: Request) -> Response:
+        """Answer with the report of a pose."""
+        html = self._folder(request).report(request.query_params.get("name", ""))
         return HTMLResponse(html, headers={**FRESH, "content-security-policy": REPORT_POLICY})
 
-    def found_json(request: Request) -> dict[str, Any]:
-        return desk.folder(request.path_params["key"]).study.to_json()
-
-    def results_json(request: Request) -> dict[str, Any]:
-        return desk.folder(request.path_params["key"]).results_json()
-
-    def sidecar_json(request: Request) -> dict[str, Any]:
+    def sidecar(self, request: Request) -> dict[str, Any]:
+        """Return the form of a sidecar."""
         asked = request.query_params
-        return desk.sidecar(
-            desk.folder(request.path_params["key"]), asked.get("name", ""), asked.get("modality") or None
-        )
+        return self._desk.sidecar(self._folder(request), asked.get("name", ""), asked.get("modality") or None)
 
-    def opened(_: Request, posted: dict[str, Any]) -> dict[str, str]:
-        return {"address": desk.open(whole_path(posted.get("folder"))).address}
-
-    def clear(_request: Request, _posted: dict[str, Any]) -> dict[str, bool]:
-        queue.clear()
-        return {"done": True}
-
-    def of_run(act: Callable[[str], object]) -> Callable[[Request, dict[str, Any]], Any]:
-        return lambda request, _: {"done": act(request.path_params["name"])}
-
-    def of_folder(act: Callable[[Any, dict[str, Any]], Any]) -> Callable[[Request, dict[str, Any]], Any]:
-        return lambda request, posted: act(desk.folder(request.path_params["key"]), posted)
-
-    async def file(request: Request) -> Response:
+    async def file(self, request: Request) -> Response:
         """Take a file that was dropped on the page of a folder."""
         if refused := refused_post(request, "application/octet-stream"):
             return refused
-        folder = await run_in_threadpool(desk.folder, request.path_params["key"])
+        folder = await run_in_threadpool(self._folder, request)
         try:
             await take_file(folder.folder, request.query_params.get("name", ""), request.stream())
         except ClientDisconnect:  # the page was closed meanwhile
@@ -125,62 +177,23 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
         return Json({"done": True}, headers=FRESH)
 
     @asynccontextmanager
-    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+    async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
+        """Run the queue while the application is served."""
         current_default_thread_limiter().total_tokens = MOST_THREADS
-        queue.start()
+        self._queue.start()
         yield
-        queue.leave()
-        desk.previewer.close()
+        self._queue.leave()
+        self._desk.previewer.close()
 
-    async def results(scope: Scope, receive: Receive, send: Send) -> None:
+    async def results(self, host: str, port: int, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer with the page of a result."""
         try:
-            folder = await run_in_threadpool(desk.folder, str(scope["path"]).split("/")[3])
+            folder = await run_in_threadpool(self._desk.folder, str(scope["path"]).split("/")[3])
             await run_in_threadpool(folder.results.ensure_looked)  # a bookmark, or a page of before a restart
         except EndoctError as error:
             await PlainTextResponse(str(error), status_code=404)(scope, receive, send)
             return
         await answer_page(folder.results, host, port, scope, receive, send)
-
-    routes = {
-        "/": home,
-        "/folders.json": _json(lambda request: desk.listed(request.query_params.get("in", ""))),
-        "/forms.json": _json(lambda _: {name: form.to_json() for name, form in desk.forms.items()}),
-        "/queue.json": _json(lambda _: {"runs": [run.to_json() for run in queue.runs()]}),
-        "/queue/{name}/log.json": _json(lambda request: {"log": queue.log(request.path_params["name"])}),
-        "/f/{key}/": study,
-        "/f/{key}/recording": recording,
-        "/f/{key}/picture.png": picture,
-        "/f/{key}/thumbnails/{version}/{number}.png": thumbnail,
-        "/f/{key}/report": report,
-        "/f/{key}/found.json": _json(found_json),
-        "/f/{key}/results.json": _json(results_json),
-        "/f/{key}/sidecar.json": _json(sidecar_json),
-    }
-    actions = {
-        "/open": opened,
-        "/queue/clear": clear,
-        "/queue/{name}/cancel": of_run(queue.cancel),
-        "/queue/{name}/repeat": of_run(queue.repeat),
-        "/f/{key}/look": of_folder(lambda folder, _: {"done": folder.study.look()}),
-        "/f/{key}/command": of_folder(desk.command),
-        "/f/{key}/run": of_folder(desk.run),
-        "/f/{key}/sidecar": of_folder(desk.save_sidecar),
-        "/f/{key}/preview": of_folder(desk.preview),
-    }
-    return Starlette(
-        lifespan=lifespan,
-        routes=[
-            *(Route(f"{desk.root}{path}", answer) for path, answer in routes.items()),
-            *(Route(f"{desk.root}{path}", _posted(act), methods=["POST"]) for path, act in actions.items()),
-            Route(f"{desk.root}/f/{{key}}/file", file, methods=["POST"]),
-            Route(f"{desk.root}/{{name}}", asset),
-        ],
-        middleware=[
-            Middleware(Guard, hosts=allowed_hosts(host, port), is_secret=True),
-            Middleware(_Secret, root=desk.root, results=results),
-        ],
-        exception_handlers=ANSWERS_TO_ERRORS,
-    )
 
 
 class _Secret:
@@ -209,6 +222,15 @@ def _page(template: str, title: str, **values: object) -> Response:
     return HTMLResponse(page.encode("utf-8", "backslashreplace"), headers=FRESH)
 
 
+def _done(act: Callable[..., object], *given: str) -> dict[str, Any]:
+    act(*given)
+    return {"done": True}
+
+
+def _png(png: bytes) -> Response:
+    return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+
+
 def _json(answer: Answer) -> Answer:
     """Have what ``answer`` returns sent as JSON; what cannot be used is answered as 409, with why."""
 
@@ -223,7 +245,7 @@ def _json(answer: Answer) -> Answer:
     return answered
 
 
-def _posted(act: Callable[[Request, dict[str, Any]], Any]) -> Answer:
+def _posted(act: Act) -> Answer:
     """Have ``act`` called with what the page itself posted as JSON."""
 
     async def answered(request: Request) -> Response:

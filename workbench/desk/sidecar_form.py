@@ -26,19 +26,15 @@ from endoct.modalities.acquisition import (
     Acquisition,
     check_values,
     field_limits,
-    read_keys,
     read_toml,
-    sidecar_path,
     table_model,
     unit_of,
     validate,
 )
 from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture
-from endoct.modalities.registry import manifest_for, sniffed
-from endoct.modalities.stated import stated_keys
+from endoct.modalities.recognition import Recognised, missing_keys, recognise
 from endoct.workbench.page.recorded import picture_json
-from endoct.workbench.pipeline.information import recognise
-from endoct.workbench.pipeline.sidecar_template import missing_keys, toml_value
+from endoct.workbench.pipeline.sidecar_template import toml_value
 from endoct.workbench.running.outputs import SIDECAR
 
 Kind = Literal["number", "choice", "text", "toml"]
@@ -52,28 +48,23 @@ LONGEST_S = 180.0
 
 @dataclass(frozen=True)
 class SidecarForm:
-    """The sidecar of ``recording``, as its form begins: ``manifest`` says which keys there are.
+    """The sidecar of a recording, as its form begins; ``digest`` is that of the file, None where there is none yet."""
 
-    Attributes: ``keys`` in the sidecar itself; ``cited``, those of the calibration that it cites; ``stated`` by the
-    recording's own files, and ``stated_by`` which; ``digest`` of the sidecar, None where there is none yet.
-    """
-
-    recording: Path
-    manifest: Manifest
-    keys: Mapping[str, Any]
-    cited: Mapping[str, Any]
-    stated: Mapping[str, Any]
-    stated_by: str
-    needs: tuple[str, ...]
+    recognised: Recognised
     digest: str | None
+
+    @property
+    def manifest(self) -> Manifest:
+        """The plug-in that says which keys there are."""
+        return self.recognised.manifest
 
     def to_json(self) -> dict[str, Any]:
         """Return the form for the page."""
         return {
-            "sidecar": str(sidecar_path(self.recording)),
+            "sidecar": str(self.recognised.sidecar),
             "modality": self.manifest.name,
             "title": self.manifest.title,
-            "stated_by": self.stated_by,
+            "stated_by": self.recognised.stated.by,
             "digest": self.digest,
             "fields": list(self._fields()),
             "missing": self.missing({}),
@@ -85,7 +76,7 @@ class SidecarForm:
         Raises :class:`EndoctError` for a key that is not known, and for a text that is no value of its kind.
         """
         fields = self.manifest.acquisition.model_fields
-        keys: dict[str, Any] = {key: value for key, value in self.keys.items() if key not in texts}
+        keys: dict[str, Any] = {key: value for key, value in self.recognised.own.items() if key not in texts}
         for key, text in texts.items():
             if key not in fields or not isinstance(text, str) or len(text) > LONGEST:
                 raise EndoctError(f"'{str(key)[:40]}' is no key of '{self.manifest.name}', or has no value")
@@ -95,7 +86,7 @@ class SidecarForm:
 
     def missing(self, texts: Mapping[str, object]) -> dict[str, str]:
         """Return what is still missing with ``texts``, and why it matters, by key."""
-        return missing_keys(self.manifest.acquisition, self._all(self.drafted(texts)), self.needs)
+        return missing_keys(self.manifest.acquisition, self._all(self.drafted(texts)), self.recognised.needs)
 
     def acquisition(self, texts: Mapping[str, object]) -> Acquisition:
         """Return the checked sidecar with ``texts``. Raises :class:`EndoctError` for the first fault of it."""
@@ -107,7 +98,7 @@ class SidecarForm:
         ``based_on`` is the digest of the sidecar that the form was made of, None where there was none. Raises
         :class:`EndoctError` where a value cannot be used, or the file was changed meanwhile.
         """
-        path, keys = sidecar_path(self.recording), self.drafted(texts)
+        path, keys = self.recognised.sidecar, self.drafted(texts)
         self._check_values(keys)
         self._check_alone(path)
         if digest_of(path) != based_on:
@@ -131,7 +122,7 @@ class SidecarForm:
             out.write_bytes(text.encode())  # with the ends of lines that it has
 
     def _all(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        return {**self.stated, **self._cited_by(own), **own}
+        return {**self.recognised.stated.keys, **self._cited_by(own), **own}
 
     def _cited_by(self, own: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the keys of the calibration that ``own`` cites, which may be another than the sidecar does.
@@ -141,8 +132,7 @@ class SidecarForm:
         name = own.get("calibration")
         if not isinstance(name, str):
             return {}
-        sidecar = sidecar_path(self.recording)
-        cited = read_toml(inside(sidecar.parent, name, "'calibration'"))
+        cited = read_toml(inside(self.recognised.sidecar.parent, name, "'calibration'"))
         if both := sorted(own.keys() & cited.keys()):
             raise EndoctError(f"{', '.join(both)} stands in {name}, too", remedy="keep it in one of them")
         return cited
@@ -150,23 +140,24 @@ class SidecarForm:
     def _check_values(self, own: Mapping[str, Any]) -> None:
         """Raise :class:`EndoctError` for a value that cannot be used; keys may still be missing."""
         model, keys = self.manifest.acquisition, self._all(own)
-        if not missing_keys(model, keys, self.needs):
+        if not missing_keys(model, keys, self.recognised.needs):
             validate(model, keys, "the form")
             return
         check_values(model, keys, "the form")  # what is there has to be right, whatever is still to come
 
     def _check_alone(self, sidecar: Path) -> None:
         """Raise :class:`EndoctError` where the sidecar describes another recording in the same folder."""
-        described = self.keys.get("modality", self.manifest.name)
-        if not is_folder(self.recording) and described != self.manifest.name:
+        described = self.recognised.own.get("modality", self.manifest.name)
+        if not is_folder(self.recognised.path) and described != self.manifest.name:
             raise EndoctError(
-                f"{sidecar} describes a recording of '{described}', and not {self.recording.name}",
+                f"{sidecar} describes a recording of '{described}', and not {self.recognised.path.name}",
                 expected="one recording in a folder",
                 remedy="put each recording into a folder of its own",
             )
 
     def _fields(self) -> Iterator[dict[str, Any]]:
-        model = self.manifest.acquisition
+        model, given = self.manifest.acquisition, self.recognised
+        by_source = {"value": given.own, "stated": given.stated.keys, "cited": given.cited}
         one_of = {key: each.why for each in model.alternatives for key in each.keys}
         for key, field in model.model_fields.items():
             if key == "modality":
@@ -181,11 +172,9 @@ class SidecarForm:
                 "choices": [*_choices(field)],
                 "low": low,
                 "high": high,
-                "required": field.is_required() or key in self.needs,
+                "required": field.is_required() or key in self.recognised.needs,
                 "one_of": one_of.get(key, ""),
-                "value": _text(self.keys[key]) if key in self.keys else "",
-                "stated": _text(self.stated[key]) if key in self.stated else "",
-                "cited": _text(self.cited[key]) if key in self.cited else "",
+                **{source: _text(keys[key]) if key in keys else "" for source, keys in by_source.items()},
                 "default": "" if field.is_required() or default is None else _text(default),
             }
 
@@ -195,12 +184,8 @@ def sidecar_form(recording: Path, modality: str | None = None) -> SidecarForm:
 
     Raises :class:`EndoctError` where nothing says which plug-in reads the recording, or its sidecar cannot be read.
     """
-    manifest, sidecar = manifest_for(recording, modality), sidecar_path(recording)
-    keys = read_toml(sidecar) if exists(sidecar) else {}
-    cited = {key: value for key, value in read_keys(recording).items() if key not in keys}
-    stated = stated_keys(recording, manifest.acquisition)
-    needs = sniffed(recording, manifest).needs
-    return SidecarForm(recording, manifest, keys, cited, stated.keys, stated.by, needs, digest_of(sidecar))
+    recognised = recognise(recording, modality)
+    return SidecarForm(recognised, digest_of(recognised.sidecar))
 
 
 def digest_of(path: Path) -> str | None:
@@ -296,7 +281,7 @@ def drawn(recording: Path, modality: str | None, texts: Mapping[str, object], sh
         except EndoctError as error:
             fault = str(error)
     said = {"missing": missing, "fault": fault, "frame": frame, "frames": frames}
-    return {**said, "pictures": [picture_json(each, None) for each in pictures or _as_recorded(recording, modality)]}
+    return {**said, "pictures": [picture_json(each, None) for each in pictures or _as_recorded(form.recognised)]}
 
 
 def _pictured(plugin: Any, stream: FrameStream, frame: int) -> tuple[Picture, ...]:
@@ -307,8 +292,8 @@ def _pictured(plugin: Any, stream: FrameStream, frame: int) -> tuple[Picture, ..
     return pictures
 
 
-def _as_recorded(recording: Path, modality: str | None) -> Sequence[Picture]:
-    preview = recognise(recording, modality).sniff.preview
+def _as_recorded(recognised: Recognised) -> Sequence[Picture]:
+    preview = recognised.sniff.preview
     if preview is None or not preview.pictures:
         return ()
     image = np.asarray(preview.pictures[len(preview.pictures) // 2])

@@ -3,7 +3,6 @@
 A recording is known by its content, as `endoct info` knows it. What endoct wrote is no input, but for specimens.
 """
 
-import os
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,28 +10,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-import cv2
-
 from endoct.base.errors import EndoctError
-from endoct.base.files.contents import NAME, kind_of
 from endoct.base.files.files import exists, inside, leads_below, path_text, read_start
 from endoct.modalities.acquisition import SIDECAR_NAME
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
 from endoct.modalities.reading.recording import gives_frames
+from endoct.modalities.recognition import recognise
 from endoct.modalities.registry import manifests
-from endoct.stitching.store import is_panorama
+from endoct.workbench.kinds import KINDS, is_mask, places_in
 from endoct.workbench.page.wall import NoSuchTile
-from endoct.workbench.pipeline.information import describe, recognise, side_by_side
-from endoct.workbench.pipeline.sources import is_mask_image
+from endoct.workbench.pipeline.information import describe_recording
 from endoct.workbench.pipeline.unread import MOST_ASKED, Unread, accompanies
 from endoct.workbench.running.outputs import POSE, SPECIMEN
 
 Kind = Literal["recording", "volume", "plan", "pose"]
-DEEPEST = 5
-"""How many folders below the one that is open anything is looked for."""
 MOST_INPUTS = 1000
-MOST_FOLDERS = 20_000
 MOST_IN_FOLDER = 10_000
 """More files of a folder are looked at only where a sidecar says that they are a recording."""
 MOST_FILES = 40
@@ -156,64 +149,47 @@ class Study:
 
 
 def inputs_in(folder: Path, unread: Unread) -> Iterator[Input]:
-    """Yield what commands can read in ``folder``, itself included. Links to folders are not followed.
+    """Yield what commands can read in ``folder``, itself included.
 
     ``unread`` gets the files that nothing reads; those beside frames are among the facts of their recording. Raises
     :class:`EndoctError` where there is more than anybody could look through.
     """
-    below = [(folder, 0)]
-    for _ in range(MOST_FOLDERS):
-        if not below:
-            return
-        here, depth = below.pop()
-        kind = kind_of(here) if exists(here / NAME) else None
-        if kind == POSE:
-            yield Input(here.relative_to(folder).as_posix(), here, "pose")
-        if is_panorama(here) or (kind is not None and kind != SPECIMEN):
-            continue
-        folders, files = _listed(here)
-        if len(files) > MOST_IN_FOLDER and not exists(here / SIDECAR_NAME):
+    for place in places_in(folder):
+        name = place.path.relative_to(folder).as_posix()
+        # names that are no text cannot be asked for again
+        place.folders[:] = [path for path in place.folders if path_text(path.name) == path.name]
+        files = [path for path in place.files if path_text(path.name) == path.name]
+        if place.output == POSE:
+            yield Input(name, place.path, "pose")
+        if place.output is not None and (not (row := KINDS.get(place.output)) or not row.has_recordings):
+            place.folders.clear()
+        elif len(files) > MOST_IN_FOLDER and not exists(place.path / SIDECAR_NAME):
             why = f"not looked at: {len(files)} files lie in its folder, and no {SIDECAR_NAME}"
             for path in files:
                 unread.add(path.relative_to(folder).as_posix(), path, why)
-        elif (recording := _recording(folder, here)) is not None:
+        elif files and not exists(place.path / SIDECAR_NAME) and is_volume(place.path):
+            yield Input(name, place.path, "volume")
+        elif (recording := _recording(folder, place.path)) is not None:
+            place.folders.clear()
             yield recording
-            continue
-        elif files and is_volume(here):
-            yield Input(here.relative_to(folder).as_posix(), here, "volume")
         else:
             yield from _single_files(folder, files, unread)
-        if depth < DEEPEST:
-            below += [(path, depth + 1) for path in reversed(folders) if kind != SPECIMEN or path.name != "truth"]
-    raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
-
-
-def picture_of(recording: Path) -> bytes:
-    """Return a PNG of the first, the middle and the last frame of a recording as its files hold them.
-
-    Raises :class:`EndoctError` where it cannot be read, or its plug-in gives no pictures.
-    """
-    preview = recognise(recording).sniff.preview
-    if preview is None or not preview.pictures:
-        raise EndoctError(f"the plug-in that reads {recording} gives no pictures before it is opened")
-    picture = side_by_side(preview.pictures)
-    return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
+        if place.output == SPECIMEN:
+            place.folders[:] = [path for path in place.folders if path.name != "truth"]
 
 
 def _recording(folder: Path, path: Path) -> Input | None:
     """Return the recording at ``path``; None where there is none."""
     name = path.relative_to(folder).as_posix()
-    has_sidecar = path.is_dir() and exists(path / SIDECAR_NAME)
     try:
-        if not has_sidecar:
-            recognise(path)
-    except EndoctError:
-        return None
+        recognised = recognise(path)
+    except EndoctError as error:
+        has_sidecar = path.is_dir() and exists(path / SIDECAR_NAME)
+        return Input(name, path, "recording", fault=str(error)) if has_sidecar else None
     try:
-        facts = describe(path)
+        return Input(name, path, "recording", describe_recording(recognised))
     except EndoctError as error:
         return Input(name, path, "recording", fault=str(error))
-    return Input(name, path, "recording", facts) if facts["kind"] == "recording" else None
 
 
 def _single_files(folder: Path, files: list[Path], unread: Unread) -> Iterator[Input]:
@@ -242,19 +218,6 @@ def _single_files(folder: Path, files: list[Path], unread: Unread) -> Iterator[I
 def _is_mask(path: Path) -> bool:
     """Whether a file is a mask drawn by hand, which is no input of its own; a table is one where it lists shapes."""
     try:
-        return is_mask_image(path) and (path.suffix.lower() != ".csv" or b"shape-type" in read_start(path, 200))
+        return is_mask(path) and (path.suffix.lower() != ".csv" or b"shape-type" in read_start(path, 200))
     except (EndoctError, OSError):
         return False
-
-
-def _listed(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the folders and the files in ``folder``, each by name; none where it is somebody else's."""
-    try:
-        with os.scandir(folder) as scan:
-            # names that are no text cannot be asked for again, and links may lead elsewhere
-            listed = [each for each in scan if not each.name.startswith(".") and path_text(each.name) == each.name]
-            folders = [Path(each.path) for each in listed if each.is_dir(follow_symlinks=False)]
-            files = [Path(each.path) for each in listed if each.is_file(follow_symlinks=False)]
-    except OSError:
-        return [], []
-    return sorted(folders), sorted(files)

@@ -64,7 +64,7 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
     vertex_mm = VERTEX_MM if request.vertex_mm is None else request.vertex_mm
     if not 1e-4 <= vertex_mm <= 100:
         raise EndoctError("vertices cannot have that distance", found=f"{vertex_mm:g} mm", expected="0.0001 to 100 mm")
-    places = _Places(source, vertex_mm)
+    places = _Vertices(source, vertex_mm)
     layers = list(dict.fromkeys([relief or seen, *([colour] if colour else [])]))
     with stages.stage("wall") as advance:
         images = {id(one): places.sampled(one, advance, k, len(layers)) for k, one in enumerate(layers)}
@@ -99,7 +99,7 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
     )
 
 
-class _Places:
+class _Vertices:
     """Where the vertices lie: means of samples over ``vertex_mm``, or the samples themselves where these lie wider."""
 
     def __init__(self, source: Source, vertex_mm: float) -> None:

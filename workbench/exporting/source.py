@@ -12,15 +12,16 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, visible
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import number
+from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache, StoredImage, stored_image
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.exporting.image_layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
+from endoct.workbench.kinds import COMPARISON_STORE, is_comparison
 
 Kind = Literal["panorama", "comparison", "truth"]
 TRUTH = "truth"
@@ -72,10 +73,9 @@ def open_source(path: Path) -> Source:
     """
     if is_panorama(path):
         return _panorama(path)
-    if (path / "comparison.zarr").is_dir():
-        return _comparison(path, path)
-    if path.name == "comparison.zarr" and path.is_dir():
-        return _comparison(path, path.parent)
+    for folder in (path, path.parent):
+        if is_comparison(folder) and (folder == path or path.name == COMPARISON_STORE):
+            return _comparison(path, folder)
     for folder in (path / "truth", path, path.parent):
         if (folder / "wall.zarr").is_dir() and (folder == path.parent) == (path.name == "wall.zarr"):
             return _truth(path, folder / "wall.zarr")
@@ -120,7 +120,7 @@ def _panorama(path: Path) -> Source:
 
 
 def _comparison(path: Path, folder: Path) -> Source:
-    store = folder / "comparison.zarr"
+    store = folder / COMPARISON_STORE
     outline, cache = read_comparison(store), ChunkCache()
     grid, rows = even_rows(outline.grid)
     aligned = outline.alignment is not None

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -25,7 +25,8 @@ from endoct.base.files.json_values import number, read_object
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.result import Result
-from endoct.stitching.store import is_panorama, read_doubts
+from endoct.stitching.store import read_doubts
+from endoct.workbench.kinds import KINDS, SAMPLE, Kind, places_in, reader
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.layers import CODES
@@ -36,12 +37,7 @@ from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.verdict import Level, Verdict, recording_verdict, verdict_of
 from endoct.workbench.report.wording import NOTHING, interval_text
 
-Kind = Literal["comparison", "recording", "specimen"]
-DEEPEST = 4
-"""How many levels below the folder that is served are searched."""
 MOST_ENTRIES = 5000
-MOST_FOLDERS = 50_000
-SAMPLE = Path("truth", "sample.json")
 COLUMNS = (
     ("wall", ""), ("name", "name"), ("what", "sides, or how it was simulated"), ("verdict", "how far it is trusted"),
     ("Jaccard", "overlap of the cells"), ("Dice", "overlap of the cells"), ("cells agree", "how many"),
@@ -71,7 +67,7 @@ class Entry:
 
     path: Path
     name: str
-    kind: Kind
+    row: Kind
     what: str = ""
     level: Level | None = None
     headline: str = ""
@@ -84,9 +80,14 @@ class Entry:
     fault: str = ""
 
     @property
+    def kind(self) -> str:
+        """What lists call it."""
+        return self.row.title
+
+    @property
     def can_be_opened(self) -> bool:
         """Whether it has a page of its own."""
-        return self.kind != "specimen" and not self.fault
+        return bool(self.row.shown) and not self.fault
 
 
 def entries_in(folder: Path) -> tuple[Entry, ...]:
@@ -95,8 +96,12 @@ def entries_in(folder: Path) -> tuple[Entry, ...]:
     Raises :class:`EndoctError` where there is more than anybody could look through.
     """
     found = []
-    for path, kind in _found(folder):
-        found.append(_entry(folder, path, kind))
+    for place in places_in(folder):
+        row = KINDS.get(place.output or "")
+        if row is None or not row.listed or place.path == folder:
+            continue
+        place.folders.clear()
+        found.append(_entry(folder, place.path, row))
         if len(found) > MOST_ENTRIES:
             raise EndoctError(f"{folder} holds too much to list", expected=f"{MOST_ENTRIES} comparisons at most")
     return tuple(sorted(found, key=lambda entry: entry.name))
@@ -122,49 +127,16 @@ def check_no_links(path: Path) -> None:
                 raise EndoctError(f"{Path(below) / name} is a link", expected="what endoct wrote, and nothing else")
 
 
-def _found(folder: Path) -> Iterator[tuple[Path, Kind]]:
-    """Yield what is recognised, without searching inside it."""
-    below = [(folder, 0)]
-    for _ in range(MOST_FOLDERS):
-        if not below:
-            return
-        here, depth = below.pop()
-        kind = _kind(here) if depth else None
-        if kind is not None:
-            yield here, kind
-        elif depth < DEEPEST:
-            below += [(path, depth + 1) for path in _folders(here)]
-    raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
-
-
-def _folders(folder: Path) -> list[Path]:
-    try:
-        with os.scandir(folder) as scan:
-            return [
-                Path(one.path) for one in scan if one.is_dir(follow_symlinks=False) and not one.name.startswith(".")
-            ]
-    except OSError:
-        return []  # somebody else's
-
-
-def _kind(path: Path) -> Kind | None:
-    if (path / "comparison.zarr").is_dir():
-        return "comparison"
-    if (path / SAMPLE).is_file():
-        return "specimen"
-    return "recording" if path.suffix == ".zarr" and is_panorama(path) else None
-
-
-def _entry(folder: Path, path: Path, kind: Kind) -> Entry:
+def _entry(folder: Path, path: Path, row: Kind) -> Entry:
     name = path.relative_to(folder).as_posix()
-    read = {"comparison": _comparison, "recording": _recording, "specimen": _specimen}[kind]
     try:
-        return Entry(path, name, kind, **read(path))
+        return Entry(path, name, row, **reader(row.listed)(path))
     except EndoctError as error:
-        return Entry(path, name, kind, fault=str(error))
+        return Entry(path, name, row, fault=str(error))
 
 
-def _comparison(path: Path) -> dict[str, Any]:
+def listed_comparison(path: Path) -> dict[str, Any]:
+    """Return what an :class:`Entry` says of a comparison."""
     result = read_result(path)
     return {
         "what": " and ".join(result.sides),
@@ -183,7 +155,8 @@ def _cells(result: Result) -> tuple[int, int, int] | None:
     return None if cells is None or cells.matched is None else (cells.matched, cells.of_reference, cells.of_other)
 
 
-def _recording(path: Path) -> dict[str, Any]:
+def listed_panorama(path: Path) -> dict[str, Any]:
+    """Return what an :class:`Entry` says of a panorama."""
     doubts = read_doubts(path)
     return {
         "what": str(read_attributes(path).get("modality", "")),
@@ -193,7 +166,8 @@ def _recording(path: Path) -> dict[str, Any]:
     }
 
 
-def _specimen(path: Path) -> dict[str, Any]:
+def listed_specimen(path: Path) -> dict[str, Any]:
+    """Return what an :class:`Entry` says of a simulated specimen."""
     sample = read_object(path / SAMPLE)
     bore = sample.get("bore")
     bone = bore.get("bone") if isinstance(bore, dict) else None
@@ -212,7 +186,8 @@ def _written(file: Path) -> str:
 
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
     """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
-    kinds = {kind: sum(one.kind == kind for one in entries) for kind in ("comparison", "recording", "specimen")}
+    titles = [row.title for row in KINDS.values() if row.listed]
+    kinds = {title: sum(one.kind == title for one in entries) for title in titles}
     levels = [level for level in LEVELS if any(one.level == level for one in entries)]
     choices = [("", "all"), *((level, LEVELS[level]) for level in levels)]
     choices += [(kind, f"{kind}s") for kind, count in kinds.items() if 0 < count < len(entries)]
@@ -264,7 +239,7 @@ def thumbnail(entry: Entry) -> bytes:
     Raises :class:`EndoctError` where it cannot be read.
     """
     check_no_links(entry.path)
-    strips = [_relief(entry.path)] if entry.kind == "specimen" else _panes(open_shown(entry.path))
+    strips = reader(entry.row.pictured)(entry.path)
     widest = max(strip.width for strip in strips) + GAP_PX
     # side by side, but those of a long bore under one another
     across, down = (widest, 0) if widest * len(strips) <= WIDEST_PX else (0, STRIP_PX + GAP_PX)
@@ -277,7 +252,9 @@ def thumbnail(entry: Entry) -> bytes:
     return file.getvalue()
 
 
-def _panes(shown: Shown) -> list[Pillow.Image]:
+def pictured_page(path: Path) -> list[Pillow.Image]:
+    """Return the layers that the page of an output shows first, as strips."""
+    shown = open_shown(path)
     parts = {part.key: part for part in shown.description.layers}
     return [_pane(shown, parts[key]) for key in shown.description.panes]
 
@@ -297,7 +274,8 @@ def _pane(shown: Shown, part: LayerPart) -> Pillow.Image:
     return _strip(wall, wall.shape[0] / wall.shape[1])
 
 
-def _relief(specimen: Path) -> Pillow.Image:
+def pictured_specimen(specimen: Path) -> list[Pillow.Image]:
+    """Return the true relief of a simulated specimen, as a strip."""
     store = specimen / SAMPLE.parent / "wall.zarr"
     with refusing(f"{store} is no true wall"):
         arrays = read_arrays(store, ("relief_mm", "z"))
@@ -307,7 +285,8 @@ def _relief(specimen: Path) -> Pillow.Image:
         around_mm = 2 * math.pi * number(read_attributes(store), "bore_radius_mm", 0.01, 1e3, str(store))
         down, across = (max(1, n // MOST_PX) for n in relief_mm.shape)
         grey = _bytes(1 - np.nan_to_num(relief_mm[::down, ::across], nan=DEEP_MM) / DEEP_MM)
-        return _strip(np.dstack([grey] * 3 + [np.full_like(grey, CODES)]), float(np.ptp(z_mm)) / around_mm)
+        wall = np.dstack([grey] * 3 + [np.full_like(grey, CODES)])
+        return [_strip(wall, float(np.ptp(z_mm)) / around_mm)]
 
 
 def _strip(wall: Pixels, turns: float) -> Pillow.Image:

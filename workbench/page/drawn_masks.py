@@ -16,7 +16,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-import tomli_w
+import tomlkit
 from PIL import Image as Pillow
 
 from endoct.base.arrays import Coordinates, Mask
@@ -165,7 +165,7 @@ def _sidecar(grid: SurfaceGrid) -> bytes:
     if grid.rows_mm is not None or grid.theta0_rad != 0:
         return b""
     keys = {"modality": "mask", "bore_diameter_mm": 2 * grid.radius_mm, "z0_mm": grid.z0_mm, "dz_mm": grid.dz_mm}
-    return tomli_w.dumps(keys).encode()
+    return tomlkit.dumps(keys).encode()
 
 
 def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) -> None:

@@ -30,7 +30,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import ClassPart, LayerPart
 from endoct.workbench.page.plane import Averaged, Plane
-from endoct.workbench.page.wall import Pixels, Placing, Wall, placing_of
+from endoct.workbench.page.wall import Pixels, Placing, TileWall, placing_of
 
 CODES = 255
 """The code of the high end of a layer's numbers. No sample has it: what lies there is shown as one less."""
@@ -74,7 +74,7 @@ class Scalar:
     low: float
     high: float
 
-    def picture(self, wall: Wall, level: int, pixels: Pixels) -> Pillow.Image:
+    def picture(self, wall: TileWall, level: int, pixels: Pixels) -> Pillow.Image:
         """Return ``pixels`` of the wall at ``level`` in grey, transparent where nothing was observed."""
         found = self.plane.means(wall, level, pixels)
         scale = CODES / (self.high - self.low)
@@ -88,7 +88,7 @@ class Classes:
     planes: tuple[Plane, ...]
     colours: Sequence[tuple[int, int, int]]
 
-    def picture(self, wall: Wall, level: int, pixels: Pixels) -> Pillow.Image:
+    def picture(self, wall: TileWall, level: int, pixels: Pixels) -> Pillow.Image:
         """Return ``pixels`` of the wall at ``level`` in colours, transparent where nothing was observed."""
         return _picture(self.classes([plane.means(wall, level, pixels) for plane in self.planes]), self.colours)
 
@@ -166,13 +166,13 @@ class Described:
     part: LayerPart
 
 
-def wall_of(grid: SurfaceGrid) -> Wall:
+def wall_of(grid: SurfaceGrid) -> TileWall:
     """Return the wall that the rows of ``grid`` cover."""
     first_mm, last_mm = (float(z_mm) for z_mm in grid.z_mm[[0, -1]])
-    return Wall(grid.radius_mm, first_mm - grid.dz_mm / 2, last_mm + grid.dz_mm / 2)
+    return TileWall(grid.radius_mm, first_mm - grid.dz_mm / 2, last_mm + grid.dz_mm / 2)
 
 
-def panorama_layers(store: Path, outline: PanoramaOutline, wall: Wall, cache: ChunkCache) -> Iterator[Described]:
+def panorama_layers(store: Path, outline: PanoramaOutline, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
     """Yield the layers of a panorama by itself."""
     placing = placing_of(outline.grid)
     for name in ("intensity", *_depths(outline)):
@@ -183,7 +183,7 @@ def panorama_layers(store: Path, outline: PanoramaOutline, wall: Wall, cache: Ch
 
 
 def comparison_layers(
-    folder: Path, outline: ComparisonOutline, sides: Sequence[PanoramaOutline], wall: Wall, cache: ChunkCache
+    folder: Path, outline: ComparisonOutline, sides: Sequence[PanoramaOutline], wall: TileWall, cache: ChunkCache
 ) -> Iterator[Described]:
     """Yield the layers of a comparison of ``sides``: images on their own samples, cells on the common grid."""
     common = folder / "comparison.zarr"
@@ -206,7 +206,7 @@ def comparison_layers(
         yield Described(Classes(tuple(masks), COLOURS), part)
 
 
-def _drawn_layers(folder: Path, side: str, wall: Wall, cache: ChunkCache) -> Iterator[Described]:
+def _drawn_layers(folder: Path, side: str, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
     """Yield the masks that were drawn by hand, on the wall of ``side``, in whose frame they lie."""
     drawn = read_drawn(folder)
     if drawn is None:
@@ -225,7 +225,7 @@ def is_drawn_key(key: str) -> bool:
 
 
 def _images(
-    folder: Path, outline: ComparisonOutline, panorama: PanoramaOutline, k: int, wall: Wall, cache: ChunkCache
+    folder: Path, outline: ComparisonOutline, panorama: PanoramaOutline, k: int, wall: TileWall, cache: ChunkCache
 ) -> Iterator[tuple[str, Plane]]:
     """Yield the images of the side ``k`` by their names in its store."""
     own = folder / "panoramas" / f"{outline.names[k]}.zarr"
@@ -245,14 +245,16 @@ def _depths(panorama: PanoramaOutline) -> list[str]:
     return ["depth_mm"] * panorama.has_depth + [PARALLAX_DEPTH] * panorama.has_parallax
 
 
-def _plane(store: Path, name: str, index: tuple[int, ...], placing: Placing, wall: Wall, cache: ChunkCache) -> Plane:
+def _plane(
+    store: Path, name: str, index: tuple[int, ...], placing: Placing, wall: TileWall, cache: ChunkCache
+) -> Plane:
     image = stored_image(store / name, cache, index)
     # depth by parallax is known where it is finite, which is not everywhere that something was observed
     observed = None if name == PARALLAX_DEPTH else stored_image(store / "valid", cache, index)
     return Plane(image, observed, placing, wall.radius_mm)
 
 
-def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wall: Wall) -> LayerPart:
+def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wall: TileWall) -> LayerPart:
     key, title, quantity, unit = TITLES[name]
     shown_low, shown_high = shown_range(plane.overview().averaged)
     return LayerPart(
@@ -272,7 +274,7 @@ def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wa
 
 
 def _classes_part(
-    key: str, title: str, side: str | None, classes: tuple[ClassPart, ...], plane: Plane, wall: Wall
+    key: str, title: str, side: str | None, classes: tuple[ClassPart, ...], plane: Plane, wall: TileWall
 ) -> LayerPart:
     last = float(len(classes) - 1)
     return LayerPart(
@@ -281,7 +283,7 @@ def _classes_part(
     )  # fmt: skip
 
 
-def _sampling(plane: Plane, wall: Wall) -> _Sampling:
+def _sampling(plane: Plane, wall: TileWall) -> _Sampling:
     row_mm, column_mm = plane.placing.row_height_mm, plane.placing.dtheta_mm(wall.radius_mm)
     return {"finest_level": wall.level_for(min(row_mm, column_mm)), "row_mm": row_mm, "column_mm": column_mm}
 
@@ -290,7 +292,7 @@ def _hex(colour: tuple[int, int, int]) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-def relief_bytes(plane: Plane, wall: Wall, most_samples: int = MOST_SAMPLES) -> bytes:
+def relief_bytes(plane: Plane, wall: TileWall, most_samples: int = MOST_SAMPLES) -> bytes:
     """Return what ``plane`` shows, in mm, at its own rows and in columns around the circle.
 
     All is little-endian. First come the numbers of rows and of columns as uint32. The values of the codes 1 and 65 535

@@ -12,15 +12,16 @@ import numpy as np
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError, refusing
+from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.scoring.cells import OBSERVED, Cell
-from endoct.fusion.segmentation.regions import label_in_order
-from endoct.stitching.store import PanoramaOutline, is_panorama
+from endoct.stitching.store import PanoramaOutline
 from endoct.stitching.store import read_outline as read_panorama
+from endoct.workbench.kinds import COMPARISON_STORE, KINDS, output_at, reader
 from endoct.workbench.page.description import CellPart, CellState, Description, OutlinePart, WallPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
@@ -39,7 +40,7 @@ from endoct.workbench.page.recorded import Reader, recording_of
 from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide, frames_part
 from endoct.workbench.page.volume import has_volume
-from endoct.workbench.page.wall import Wall
+from endoct.workbench.page.wall import TileWall
 from endoct.workbench.report.pictures import PICTURES
 from endoct.workbench.report.sections import comparison_sections, panorama_sections
 
@@ -53,7 +54,8 @@ REAL = 0.5
 
 def can_be_shown(path: Path) -> bool:
     """Say whether ``path`` is, or should be, a comparison or a panorama."""
-    return is_panorama(path) or (path / "comparison.zarr").is_dir()
+    row = KINDS.get(output_at(path) or "")
+    return row is not None and bool(row.shown)
 
 
 def open_shown(path: Path) -> Shown:
@@ -61,9 +63,9 @@ def open_shown(path: Path) -> Shown:
 
     Raises :class:`EndoctError` where it is neither, damaged, or replaced meanwhile.
     """
-    origin = Origin(path)
-    if can_be_shown(path):
-        shown = _panorama(origin) if is_panorama(path) else _comparison(origin)
+    origin, row = Origin(path), KINDS.get(output_at(path) or "")
+    if row is not None and row.shown:
+        shown: Shown = reader(row.shown)(origin)
         origin.check_present()
         return shown
     raise EndoctError(
@@ -73,9 +75,10 @@ def open_shown(path: Path) -> Shown:
     )
 
 
-def _comparison(origin: Origin) -> Shown:
+def shown_comparison(origin: Origin) -> Shown:
+    """Open a comparison. Raises :class:`EndoctError` where it is damaged."""
     folder = origin.folder
-    outline = read_comparison(folder / "comparison.zarr")
+    outline = read_comparison(folder / COMPARISON_STORE)
     wall = wall_of(outline.grid)
     outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
     described = list(comparison_layers(folder, outline, outlines, wall, ChunkCache(CACHE_BYTES)))
@@ -107,7 +110,8 @@ def _comparison(origin: Origin) -> Shown:
     return Shown(heading, sections, description, wall, layers, origin, sides, session, masks)
 
 
-def _panorama(origin: Origin) -> Shown:
+def shown_panorama(origin: Origin) -> Shown:
+    """Open a panorama. Raises :class:`EndoctError` where it is damaged."""
     store = origin.folder
     outline = read_panorama(store)
     wall = wall_of(outline.grid)
@@ -142,7 +146,7 @@ def _spoken_against(heading: Heading) -> str:
     return "" if heading.verdict.level == "trusted" else heading.verdict.headline
 
 
-def _facts(file: Path, wall: Wall) -> tuple[Fact, ...]:
+def _facts(file: Path, wall: TileWall) -> tuple[Fact, ...]:
     written = time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
     return (
         ("written", written),
@@ -232,7 +236,7 @@ def cells_by_truth(folder: Path, names: tuple[str, str]) -> dict[tuple[str, int]
         return {}
     with refusing(f"{folder} cannot be read"):
         truth = read_arrays(folder / DRAWN_STORE, ("mask", "valid"))
-        masks = read_arrays(folder / "comparison.zarr", ("mask",))["mask"]
+        masks = read_arrays(folder / COMPARISON_STORE, ("mask",))["mask"]
     return {
         (side, number): is_real
         for side, mask in zip(names, masks, strict=True)

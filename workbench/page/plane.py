@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.zarr.window import StoredImage
-from endoct.workbench.page.wall import TILE_PX, Indices, Pixels, Placing, Spans, Wall, column_spans, row_spans
+from endoct.workbench.page.wall import TILE_PX, Indices, Pixels, Placing, Spans, TileWall, column_spans, row_spans
 
 MOST_OVERVIEW_SAMPLES = 1_500_000
 """Samples of the overview that coarse tiles are cut from, so that none of them reads the whole image."""
@@ -55,7 +55,7 @@ class Plane:
     _overview: "list[Overview]" = field(default_factory=list, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
-    def means(self, wall: Wall, level: int, pixels: Pixels) -> Averaged:
+    def means(self, wall: TileWall, level: int, pixels: Pixels) -> Averaged:
         """Return ``pixels`` of the wall at ``level``: each the mean of the observed samples in it, or the nearest."""
         rows = row_spans(self.placing, wall, level, pixels)
         columns = column_spans(self.placing, wall, level, pixels)
@@ -76,7 +76,7 @@ class Plane:
         found = self._read(slice(row, row + 1), slice(column, column + 1))
         return float(found.values[0, 0]) if found.observed[0, 0] else None
 
-    def own_rows(self, wall: Wall, level: int, most_rows: int) -> tuple[Coordinates, Averaged]:
+    def own_rows(self, wall: TileWall, level: int, most_rows: int) -> tuple[Coordinates, Averaged]:
         """Return the image at its own rows, z of each in mm ascending, in the columns of the wall at ``level``.
 
         Where there are more than ``most_rows``, or the overview has fewer, each is the mean of some.

@@ -22,7 +22,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import digests
 from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture, Seen
 from endoct.modalities.illustration import illustrated
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.store import PanoramaOutline
 
 State = Literal["unread", "reading", "read", "failed"]
@@ -33,7 +33,7 @@ MOST_POINTS = 1000
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordingAtHand:
     """Where a recording lies, and how a panorama was made from it; ``inputs``: digests by the path in the recording."""
 
     path: Path
@@ -43,7 +43,7 @@ class Recording:
     parameters: dict[str, Any]
 
 
-def recording_of(outline: PanoramaOutline, folder: Path) -> Recording | None:
+def recording_of(outline: PanoramaOutline, folder: Path) -> RecordingAtHand | None:
     """Return the recording that a panorama was made from; None where it is not there, or the panorama does not say.
 
     A path that was given relative to some folder is looked for from here first. Next come ``folder``, in which the
@@ -57,7 +57,7 @@ def recording_of(outline: PanoramaOutline, folder: Path) -> Recording | None:
         return None
     if not (isinstance(inputs, dict) and isinstance(acquisition, dict) and isinstance(parameters, dict)):
         return None
-    return Recording(path, outline.modality, _within(inputs, stated), acquisition, parameters)
+    return RecordingAtHand(path, outline.modality, _within(inputs, stated), acquisition, parameters)
 
 
 def _at_hand(stated: Path, folder: Path) -> Path | None:
@@ -114,7 +114,7 @@ class _Counted:
 class Reader:
     """Surveys a recording in a thread of its own once that is started, and then pictures any of its frames."""
 
-    recording: Recording
+    recording: RecordingAtHand
     state: State = "unread"
     said: str = ""
     _stream: _Counted | None = None

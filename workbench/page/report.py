@@ -20,7 +20,8 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import is_marked, marked, read_contents, whole_of
 from endoct.base.files.output import check_output, new_output
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import is_panorama, load_panorama
+from endoct.stitching.store import load_panorama
+from endoct.workbench.kinds import output_at
 from endoct.workbench.page.description import Description
 from endoct.workbench.page.heading import bundled, document
 from endoct.workbench.page.layers import MOST_SAMPLES, is_blank, png_of
@@ -38,7 +39,7 @@ from endoct.workbench.report.figures.rendered import (
 from endoct.workbench.report.findings import Findings, read_findings
 from endoct.workbench.report.sections import Section, recording_sections, report_sections
 from endoct.workbench.report.side_findings import SideFindings, recording_in
-from endoct.workbench.running.outputs import FIGURES, REPORT
+from endoct.workbench.running.outputs import FIGURES, PANORAMA, REPORT
 from endoct.workbench.running.scheduler import ALONE, Scheduler
 
 PAGE = "report.html"
@@ -55,7 +56,7 @@ def write_report(path: Path, scheduler: Scheduler = ALONE) -> Path:
     ``path`` is what ``endoct compare`` or ``endoct unroll`` wrote; nothing else in it is changed. Raises
     :class:`EndoctError` where ``path`` is neither, not whole, or cannot be written.
     """
-    if is_panorama(path):
+    if output_at(path) == PANORAMA:
         contents = read_contents(path)
         if contents is None or PAGE not in contents.parts:
             raise EndoctError(

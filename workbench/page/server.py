@@ -8,6 +8,7 @@ import json
 import threading
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
+from functools import partial
 from importlib.resources import files
 from typing import Any
 
@@ -23,11 +24,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError, cause_of, visible
 from endoct.base.files.files import SMALL_BYTES
-from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Link, document
 from endoct.workbench.page.layers import png_of
 from endoct.workbench.page.presence import Gone, Origin, concerning
-from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 
@@ -64,51 +63,7 @@ MOST_THREADS = 2
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
-def session_routes(session: Sessions | None) -> list[Route]:
-    """Return the routes of a comparison's ``session``; none where there is no comparison."""
-    if session is None:
-        return []
-
-    @concerning(session.origin)
-    def state(_: Request) -> Response:
-        return Json(session.state(), headers=FRESH)
-
-    async def judged(request: Request) -> Response:
-        return await _answer(request, session.judged_from, session.origin)
-
-    async def save(request: Request) -> Response:
-        return await _answer(request, session.save, session.origin)
-
-    return [
-        Route("/session.json", state),
-        Route("/session.json", save, methods=["POST"]),
-        Route("/landmarks.json", judged, methods=["POST"]),
-    ]
-
-
-def mask_routes(masks: DrawnMasks | None) -> list[Route]:
-    """Return the routes of the ``masks`` of a comparison; none where there is no comparison."""
-    if masks is None:
-        return []
-
-    @concerning(masks.origin)
-    def listed(_: Request) -> Response:
-        return Json(masks.listed(), headers=FRESH)
-
-    async def outlined(request: Request) -> Response:
-        return await _answer(request, masks.outlined, masks.origin)
-
-    async def save(request: Request) -> Response:
-        return await _answer(request, masks.save, masks.origin)
-
-    return [
-        Route("/masks.json", listed),
-        Route("/masks.json", save, methods=["POST"]),
-        Route("/drawing.json", outlined, methods=["POST"]),
-    ]
-
-
-async def _answer(request: Request, act: Callable[[bytes], dict[str, Any]], origin: Origin) -> Response:
+async def _answer(act: Callable[[bytes], dict[str, Any]], origin: Origin, request: Request) -> Response:
     """Answer with what ``act`` makes of the body."""
     data = await posted_json(request)
     if isinstance(data, Response):
@@ -208,84 +163,98 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
 
     ``above`` leads to the table that it was opened from.
     """
-    description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
-    of_shown = concerning(shown.origin)
-
-    @of_shown
-    def page(_: Request) -> Response:
-        output = shown.origin.digest
-        html = document("page/served.html", shown.heading, shown.sections, above=above, output=output)
-        return HTMLResponse(html, headers=FRESH)
-
-    @of_shown
-    def present(_: Request) -> Response:
-        return Response(status_code=204, headers=FRESH)
-
-    @of_shown
-    def describe(_: Request) -> Response:
-        return Response(description, media_type="application/json", headers=FRESH)
-
-    @of_shown
-    def outline(_: Request) -> Response:
-        return Json(shown.outlines(), headers=FRESH)
-
-    @of_shown
-    def tile(request: Request) -> Response:
-        level, column, row = (whole_number(request.path_params[name]) for name in ("level", "column", "row"))
-        png = png_of(shown.tile(request.path_params["key"], Tile(level, column, row)))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
-
-    @of_shown
-    def relief(request: Request) -> Response:
-        found = shown.relief(request.path_params["key"])
-        return Response(found, media_type="application/octet-stream", headers={"cache-control": KEPT})
-
-    @of_shown
-    def volume(_: Request) -> Response:
-        return Response(shown.volume(), media_type="application/octet-stream", headers={"cache-control": KEPT})
-
-    @of_shown
-    def values(request: Request) -> Response:
-        theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
-        z_mm = _place(request, "z_mm", FARTHEST_MM)
-        return Json(shown.values_at(theta_rad, z_mm), headers=FRESH)
-
-    @of_shown
-    def pictures(request: Request) -> Response:
-        found = shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
-        return Json(found, headers={"cache-control": KEPT})
-
-    @of_shown
-    def reading(request: Request) -> Response:
-        """Say how far a recording was read again; asked by POST, begin to read it."""
-        reader = shown.side(request.path_params["side"]).reader
-        if reader is None:
-            return Json({"state": "absent", "share": 0.0, "said": "the recording is not there"})
-        if request.method == "POST":
-            reader.start()
-        said = {"state": reader.state, "share": reader.share, "said": reader.said}
-        return Json(said, headers=FRESH)
-
     return Starlette(
         lifespan=few_threads,
-        routes=[
-            Route("/", page),
-            Route("/present", present),
-            Route("/description.json", describe),
-            Route("/outlines.json", outline),
-            Route("/values.json", values),
-            Route("/relief/{version}/{key}.bin", relief),
-            Route("/volume/{version}.bin", volume),
-            Route("/pictures/{version}/{side}/{place}.json", pictures),
-            *session_routes(shown.session),
-            *mask_routes(shown.masks),
-            Route("/reading/{side}", reading, methods=["GET", "POST"]),
-            Route("/tiles/{version}/{key}/{level}/{column}_{row}.png", tile),
-            Route("/{name}", asset),
-        ],
+        routes=[*_Answers(shown, above).routes(), Route("/{name}", asset)],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port))],
         exception_handlers=ANSWERS_TO_ERRORS,
     )
+
+
+class _Answers:
+    """What the page of ``shown`` is answered; ``above`` leads to the table that it was opened from."""
+
+    def __init__(self, shown: Shown, above: Link | None) -> None:
+        self._shown, self._above = shown, above
+        self._description = json.dumps(shown.description.to_json(), allow_nan=False).encode()
+
+    def routes(self) -> list[Route]:
+        """Return the addresses; those of landmarks and drawings are there for a comparison only."""
+        shown, origin = self._shown, self._shown.origin
+        asked: dict[str, Callable[[Request], Response]] = {
+            "/": self.page,
+            "/present": lambda _: Response(status_code=204, headers=FRESH),
+            "/description.json": self.description,
+            "/outlines.json": lambda _: Json(shown.outlines(), headers=FRESH),
+            "/values.json": self.values,
+            "/relief/{version}/{key}.bin": self.relief,
+            "/volume/{version}.bin": lambda _: _kept_bytes(shown.volume()),
+            "/pictures/{version}/{side}/{place}.json": self.pictures,
+            "/reading/{side}": self.reading,
+            "/tiles/{version}/{key}/{level}/{column}_{row}.png": self.tile,
+        }
+        posted: dict[str, Callable[[bytes], dict[str, Any]]] = {}
+        if (session := shown.session) is not None:
+            asked["/session.json"] = lambda _: Json(session.state(), headers=FRESH)
+            posted |= {"/session.json": session.save, "/landmarks.json": session.judged_from}
+        if (masks := shown.masks) is not None:
+            asked["/masks.json"] = lambda _: Json(masks.listed(), headers=FRESH)
+            posted |= {"/masks.json": masks.save, "/drawing.json": masks.outlined}
+        checked = concerning(origin)
+        return [
+            *(Route(path, checked(answer)) for path, answer in asked.items()),
+            Route("/reading/{side}", checked(self.begin_reading), methods=["POST"]),
+            *(Route(path, partial(_answer, act, origin), methods=["POST"]) for path, act in posted.items()),
+        ]
+
+    def page(self, _: Request) -> Response:
+        """Answer with the page itself."""
+        shown = self._shown
+        output = shown.origin.digest
+        html = document("page/served.html", shown.heading, shown.sections, above=self._above, output=output)
+        return HTMLResponse(html, headers=FRESH)
+
+    def description(self, _: Request) -> Response:
+        """Answer with the description of what is shown."""
+        return Response(self._description, media_type="application/json", headers=FRESH)
+
+    def tile(self, request: Request) -> Response:
+        """Answer with a tile of a layer as PNG."""
+        level, column, row = (whole_number(request.path_params[name]) for name in ("level", "column", "row"))
+        png = png_of(self._shown.tile(request.path_params["key"], Tile(level, column, row)))
+        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+
+    def relief(self, request: Request) -> Response:
+        """Answer with the relief of a side."""
+        return _kept_bytes(self._shown.relief(request.path_params["key"]))
+
+    def values(self, request: Request) -> Response:
+        """Answer with the values of all layers at a place."""
+        theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
+        z_mm = _place(request, "z_mm", FARTHEST_MM)
+        return Json(self._shown.values_at(theta_rad, z_mm), headers=FRESH)
+
+    def pictures(self, request: Request) -> Response:
+        """Answer with the pictures of a frame."""
+        found = self._shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
+        return Json(found, headers={"cache-control": KEPT})
+
+    def reading(self, request: Request) -> Response:
+        """Say how far a recording was read again."""
+        reader = self._shown.side(request.path_params["side"]).reader
+        if reader is None:
+            return Json({"state": "absent", "share": 0.0, "said": "the recording is not there"})
+        return Json({"state": reader.state, "share": reader.share, "said": reader.said}, headers=FRESH)
+
+    def begin_reading(self, request: Request) -> Response:
+        """Begin to read a recording again, and say how far that is."""
+        if (reader := self._shown.side(request.path_params["side"]).reader) is not None:
+            reader.start()
+        return self.reading(request)
+
+
+def _kept_bytes(content: bytes) -> Response:
+    return Response(content, media_type="application/octet-stream", headers={"cache-control": KEPT})
 
 
 @asynccontextmanager

@@ -30,10 +30,10 @@ from endoct.fusion.files.session import (
     session_from,
 )
 from endoct.fusion.files.store import ComparisonOutline
-from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, NotAligned, Place, residuals_mm
+from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place, SearchOutcome, residuals_mm
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import orientations_of
-from endoct.fusion.registration.by_hand import Bore, distance, distances, judge
+from endoct.fusion.registration.by_hand import KnownBore, distance, distances, judge
 from endoct.fusion.result import ByHand, PairDistance, Result
 from endoct.stitching.store import PanoramaOutline, load_panorama
 from endoct.workbench.page.presence import Gone, Origin
@@ -56,7 +56,7 @@ class Sessions:
     origin: Origin
     names: tuple[str, str]
     outlines: tuple[PanoramaOutline, PanoramaOutline]
-    automatic: Alignment | NotAligned
+    automatic: SearchOutcome
     present: Alignment | None
     used: tuple[LandmarkPair, ...]
     parameters: CompareParameters
@@ -120,15 +120,15 @@ class Sessions:
         }
         scales = self.parameters.z_scale_min, self.parameters.z_scale_max
         try:
-            judged = judge(pairs, self.automatic, Bore(radius_mm, orientations_of(*self.outlines), scales))
+            judged = judge(pairs, self.automatic, KnownBore(radius_mm, orientations_of(*self.outlines), scales))
         except EndoctError as error:
             return {"present": present, "by_hand": None, "said": [], "error": str(error)}
         said = []
-        if isinstance(judged.alignment, Alignment):
-            doubts = doubts_by_hand(judged.said, judged.alignment, self.names[1], self.parameters)
+        if judged.outcome.alignment:
+            doubts = doubts_by_hand(judged.said, judged.outcome.alignment, self.names[1], self.parameters)
             said = [doubt.what for doubt in doubts if doubt.code not in PLAIN]
         elif pairs:
-            said = [judged.alignment.reason]
+            said = [judged.outcome.reason]
         return {"present": present, "by_hand": _json(judged.said), "said": said, "error": ""}
 
     def judged_from(self, data: bytes) -> dict[str, Any]:
@@ -221,16 +221,16 @@ def _refusal(folder: Path, result: Result) -> str:
     return ""
 
 
-def _automatic(outline: ComparisonOutline) -> Alignment | NotAligned:
+def _automatic(outline: ComparisonOutline) -> SearchOutcome:
     """Return the alignment that was found without pairs, or why there was none."""
     by_hand, result = outline.result.by_hand, outline.result
     if by_hand is None:
         best = None if result.best_unbelieved is None else result.best_unbelieved.to_alignment()
-        return outline.alignment or NotAligned(result.reason or "", best)
+        return SearchOutcome(outline.alignment, best, result.reason or "")
     found = None if by_hand.automatic is None else by_hand.automatic.to_alignment()
     if by_hand.automatic_reason is None and found is not None:
-        return found
-    return NotAligned(by_hand.automatic_reason or "", found)
+        return SearchOutcome(found)
+    return SearchOutcome(None, found, by_hand.automatic_reason or "")
 
 
 def _used(by_hand: ByHand) -> tuple[LandmarkPair, ...]:

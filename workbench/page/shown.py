@@ -26,7 +26,7 @@ from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader, picture_json, ring_of
 from endoct.workbench.page.sessions import Sessions
 from endoct.workbench.page.volume import volume_bytes
-from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, NoSuchTile, Tile, Wall, pixels_of, row_of_tiles
+from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, NoSuchTile, Tile, TileWall, pixels_of, row_of_tiles
 from endoct.workbench.report.per_frame import number_of
 from endoct.workbench.report.pictures import load_pictures, pictured_places
 from endoct.workbench.report.sections import Section
@@ -55,7 +55,7 @@ class Shown:
     heading: Heading
     sections: tuple[Section, ...]
     description: Description
-    wall: Wall
+    wall: TileWall
     layers: Mapping[str, Layer]
     origin: Origin
     sides: Mapping[str, ShownSide] = field(default_factory=dict)

@@ -29,7 +29,7 @@ class NoSuchTile(EndoctError):
 
 
 @dataclass(frozen=True)
-class Wall:
+class TileWall:
     """The cylinder that tiles show: ``radius_mm``, and z from ``top_mm`` down to ``bottom_mm``.
 
     Raises :class:`EndoctError` where it has no extent, or is so long that its tiles could not be counted.
@@ -94,7 +94,7 @@ class Pixels:
         return self.rows[1] - self.rows[0], self.columns[1] - self.columns[0]
 
 
-def pixels_of(wall: Wall, tile: Tile) -> Pixels:
+def pixels_of(wall: TileWall, tile: Tile) -> Pixels:
     """Return the pixels of ``tile`` with those by which it reaches into its neighbours.
 
     Raises :class:`NoSuchTile` for a tile that ``wall`` does not have.
@@ -109,7 +109,7 @@ def pixels_of(wall: Wall, tile: Tile) -> Pixels:
     return replace(row_of_tiles(wall, tile.level, tile.row), columns=(left - OVERLAP_PX, left + TILE_PX + OVERLAP_PX))
 
 
-def row_of_tiles(wall: Wall, level: int, row: int) -> Pixels:
+def row_of_tiles(wall: TileWall, level: int, row: int) -> Pixels:
     """Return the pixels of all tiles of a row together, with those by which they reach into their neighbours."""
     top, height_px = row * TILE_PX, wall.height_px(level)
     rows = max(top - OVERLAP_PX, 0), min(top + TILE_PX + OVERLAP_PX, height_px)
@@ -173,7 +173,7 @@ class Spans:
     stop: Indices
 
 
-def row_spans(placing: Placing, wall: Wall, level: int, pixels: Pixels) -> Spans:
+def row_spans(placing: Placing, wall: TileWall, level: int, pixels: Pixels) -> Spans:
     """Return the rows, counted along z, whose centres lie in every row of ``pixels``.
 
     Where there is none the nearest is shown, as long as its own height reaches so far.
@@ -192,7 +192,7 @@ def row_spans(placing: Placing, wall: Wall, level: int, pixels: Pixels) -> Spans
     return _filled(start, stop, nearest.astype(np.int64), shown)
 
 
-def column_spans(placing: Placing, wall: Wall, level: int, pixels: Pixels) -> Spans:
+def column_spans(placing: Placing, wall: TileWall, level: int, pixels: Pixels) -> Spans:
     """Return the columns, any whole numbers along θ, whose centres lie in every column of ``pixels``, else the nearest.
 
     Columns j and j + n are the same.

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from endoct.base.compute.memory import give_back
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
-from endoct.fusion.comparison import compare_sides
+from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import save_comparison, write_cells
@@ -32,23 +32,24 @@ from endoct.workbench.pipeline.hand_masks import (
     write_drawings,
     write_mask,
 )
-from endoct.workbench.pipeline.recipes import with_recipe
-from endoct.workbench.pipeline.settings import parse
-from endoct.workbench.pipeline.sources import (
-    Ready,
-    Source,
-    inputs_of,
-    open_both,
-    read_sides,
-    source_of,
-    unroll_sources,
-)
-from endoct.workbench.pipeline.unrolling import TRAVEL_BY_DEFAULT, Unrolled, copy_sample_frames, save_sample_frames
+from endoct.workbench.pipeline.unrolling import copy_sample_frames, save_sample_frames
 from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_both, begin_sides
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.running.outputs import json_text, versions
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, Task
+from endoct.workbench.settings import parse
+from endoct.workbench.sides.recipes import with_recipe
+from endoct.workbench.sides.recordings import TRAVEL_BY_DEFAULT, Unrolled
+from endoct.workbench.sides.sources import (
+    Ready,
+    Source,
+    inputs_of,
+    open_sides,
+    read_sides,
+    source_of,
+    unroll_sources,
+)
 
 if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
     from endoct.workbench.requests import CompareRequest
@@ -90,20 +91,23 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     given = _given(request)
     files = {path: state_of(path) for path in given.paths}
     # whatever cannot be used is refused before the work of unrolling is done
-    opened = open_both(given.sources)
+    opened = open_sides(given.sources)
     for path in given.truth:
         check_truth(path)
     landmarks = None if given.session is None else read_session(given.session)
     ready = unroll_sources(opened, stages, scheduler, meanwhile=() if output is None else REPORT)
-    sides = read_sides(ready)
+    a, b = read_sides(ready)
+    sides = a, b
     if landmarks is not None:
         check_sides(landmarks, [identity_of(side.name, side.panorama) for side in sides], str(given.session))
     folder = None if output is None else ComparisonFolder(output, sides, scheduler)
     if folder is not None:
         folder.begin([_pictured(*of) for of in zip(given.sources, ready, strict=True)])
     with stages.stage("align, segment, score"):
-        pairs, draw = () if landmarks is None else landmarks.pairs, folder.draw if folder else lambda _: None
-        comparison = compare_sides(*sides, given.parameters, pairs, when_placed=draw)
+        placed = place_sides(*sides, given.parameters, () if landmarks is None else landmarks.pairs)
+        if folder is not None:
+            folder.draw(placed)
+        comparison = score_placed(placed, given.parameters)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
@@ -226,7 +230,7 @@ class ComparisonFolder:
     def draw(self, placed: Placed) -> None:
         """Begin the figures of both sides as they were ``placed``, while scores are computed."""
         panoramas = [side.panorama for side in self.sides]
-        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.aligned)
+        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.alignment is not None)
         self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
 
     def write(self, comparison: Comparison, against: Against) -> Mapping[str, tuple[str, ...]]:

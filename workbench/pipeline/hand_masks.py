@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import tomli_w
+import tomlkit
 
 from endoct.base.arrays import Mask
 from endoct.base.doubt import Doubt
@@ -134,7 +134,7 @@ def write_mask(mask: Mask, grid: SurfaceGrid, path: Path) -> None:
         "dz_mm": grid.dz_mm,
         "rater": "consensus",
     }
-    path.with_suffix(".toml").write_text(tomli_w.dumps(keys), encoding="utf-8")
+    path.with_suffix(".toml").write_text(tomlkit.dumps(keys), encoding="utf-8")
 
 
 def _check(drawings: Sequence[Drawing]) -> None:

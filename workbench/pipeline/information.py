@@ -4,7 +4,6 @@ The picture is of a recording before anything is done to it: its first, middle a
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -17,22 +16,18 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import exists, path_text
 from endoct.base.files.output import new_output
 from endoct.fusion.files.result_file import read_result
-from endoct.modalities.acquisition import read_keys, sidecar_path, validate
-from endoct.modalities.contract import FrameStream, Manifest, Preview, Sniff
+from endoct.modalities.contract import FrameStream, Manifest, Preview
 from endoct.modalities.reading.numbering import notes_on_gaps
-from endoct.modalities.reading.recording import format_of
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
-from endoct.modalities.registry import manifest_for, manifests, open_recording, sniffed
-from endoct.modalities.stated import stated_keys
-from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.pipeline.sidecar_template import missing_keys, missing_lines
+from endoct.modalities.recognition import Recognised, recognise
+from endoct.modalities.registry import manifests
+from endoct.stitching.store import load_panorama
+from endoct.workbench.kinds import KINDS, RECORDING, kind_at, output_at, reader
+from endoct.workbench.pipeline.sidecar_template import missing_lines
 from endoct.workbench.pipeline.unread import texts_in, unread_next_to
-from endoct.workbench.pipeline.volumes import describe_volume, is_volume_or_plan
 from endoct.workbench.running.outputs import THUMBNAIL
 
 _KEY_WIDTH = 18
-STATED = "stated"
-CONTRADICTED = "stated, but it does not look like one"
 SIDE_PX = 480
 """Each frame of the picture has at most this height or width."""
 MOST_UNEVEN = 2.0
@@ -40,33 +35,6 @@ MOST_UNEVEN = 2.0
 GAP_PX = 6
 DARKEST, BRIGHTEST = 0.5, 99.5
 """Percentiles of the samples that become black and white."""
-
-
-@dataclass(frozen=True)
-class Recognised:
-    """Which plug-in reads a recording, and what it says of that; ``stated``: somebody said which, it is no guess."""
-
-    manifest: Manifest
-    sniff: Sniff
-    stated: bool
-
-    @property
-    def certainty(self) -> str:
-        """How sure it is that this is the recording's modality."""
-        if self.stated:
-            return STATED if self.sniff.claims else CONTRADICTED
-        return self.sniff.certainty
-
-
-def recognise(path: Path, modality: str | None = None) -> Recognised:
-    """Return which plug-in reads ``path``, and why. Raises :class:`EndoctError` where there is none or two do."""
-    manifest = manifest_for(path, modality)
-    stated = (
-        modality is not None
-        or "modality" in read_keys(path)
-        or "modality" in stated_keys(path, manifest.acquisition).keys
-    )
-    return Recognised(manifest, sniffed(path, manifest), stated)
 
 
 def installed_modalities() -> list[dict[str, object]]:
@@ -88,33 +56,41 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
 
     Raises :class:`EndoctError` where it is none of them.
     """
-    if (path / "result.json").is_file():
-        result = read_result(path)
-        return {
-            "kind": "comparison",
-            "sides": list(result.sides),
-            "aligned": result.aligned,
-            "reason": result.reason,
-            "jaccard": result.jaccard,
-            "dice": result.dice,
-            "doubts": [doubt.to_json() for doubt in result.doubts],
-        }
-    if is_panorama(path):
-        panorama = load_panorama(path)
-        return {
-            "kind": "panorama",
-            "modality": panorama.modality,
-            "rows": panorama.grid.n_z,
-            "columns": panorama.grid.n_theta,
-            "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
-            "depth": panorama.depth_mm is not None,
-            "valid_fraction": float(panorama.valid.mean()),
-            "doubts": [doubt.to_json() for doubt in panorama.doubts],
-            "notes": list(panorama.notes),
-        }
-    if modality is None and not exists(sidecar_path(path)) and is_volume_or_plan(path):
-        return describe_volume(path)
-    return _recording(path, modality)
+    kind = output_at(path) or (kind_at(path) if modality is None else RECORDING)
+    row = KINDS.get(kind)
+    if row is None or not row.described:
+        return describe_recording(recognise(path, modality))
+    return reader(row.described)(path)  # type: ignore[no-any-return]
+
+
+def describe_comparison(path: Path) -> dict[str, object]:
+    """Return what a comparison found. Raises :class:`EndoctError` where it cannot be read."""
+    result = read_result(path)
+    return {
+        "kind": "comparison",
+        "sides": list(result.sides),
+        "aligned": result.aligned,
+        "reason": result.reason,
+        "jaccard": result.jaccard,
+        "dice": result.dice,
+        "doubts": [doubt.to_json() for doubt in result.doubts],
+    }
+
+
+def describe_panorama(path: Path) -> dict[str, object]:
+    """Return what a panorama holds. Raises :class:`EndoctError` where it is damaged."""
+    panorama = load_panorama(path)
+    return {
+        "kind": "panorama",
+        "modality": panorama.modality,
+        "rows": panorama.grid.n_z,
+        "columns": panorama.grid.n_theta,
+        "z_mm": [float(panorama.z_mm[0]), float(panorama.z_mm[-1])],
+        "depth": panorama.depth_mm is not None,
+        "valid_fraction": float(panorama.valid.mean()),
+        "doubts": [doubt.to_json() for doubt in panorama.doubts],
+        "notes": list(panorama.notes),
+    }
 
 
 def in_lines(facts: Mapping[str, object]) -> Iterator[str]:
@@ -144,41 +120,33 @@ def texts_of(value: object) -> list[str]:
     return [f"{value:g}" if isinstance(value, float) else str(value)]
 
 
-def _recording(path: Path, modality: str | None) -> dict[str, object]:
-    recognised = recognise(path, modality)
-    manifest, sidecar = recognised.manifest, sidecar_path(path)
-    stated = stated_keys(path, manifest.acquisition)
-    written = {**stated.keys, **read_keys(path)}
-    keys = {**written, "modality": manifest.name}
-    needs = recognised.sniff.needs
-    missing = missing_keys(manifest.acquisition, keys, needs)
-    stream: FrameStream | None = None
-    if all(key in keys for key, field in manifest.acquisition.model_fields.items() if field.is_required()):
-        validate(manifest.acquisition, keys, str(sidecar))
-        _, stream = open_recording(path, modality=manifest.name)
+def describe_recording(recognised: Recognised) -> dict[str, object]:
+    """Return what a recording is, and the state of its sidecar. Raises :class:`EndoctError` where it cannot be used."""
+    manifest, keys, stated = recognised.manifest, recognised.keys, recognised.stated
+    fields, missing, needs = manifest.acquisition.model_fields, recognised.missing, recognised.needs
+    is_complete = all(key in keys for key, field in fields.items() if field.is_required())
+    stream = recognised.open() if is_complete else None
+    previewed = recognised.sniff.preview
     facts: dict[str, object] = {"kind": "recording", "modality": manifest.name, "title": manifest.title}
     facts |= {"certainty": recognised.certainty, "seen": recognised.sniff.reason}
-    if form := format_of(path) or (needs and f"raw samples, as the sidecar's {' and '.join(needs)} describes them"):
-        facts["format"] = form
-    facts |= _size(manifest, recognised.sniff.preview, stream, keys)
+    if recognised.format:
+        facts["format"] = recognised.format
+    facts |= _size(manifest, previewed, stream, keys)
     if stated.keys:
         facts["stated"] = {"by": stated.by, **stated.keys}
     if stream is not None:
         facts["sidecar"] = stream.acquisition.model_dump(mode="json", exclude_none=True)
     if missing:
         lines = missing_lines(manifest.acquisition, keys, needs)
-        facts |= {
-            "missing": missing,
-            "lines": [*([] if "modality" in written else [f'modality = "{manifest.name}"']), *lines],
-        }
-    previewed = recognised.sniff.preview
+        lines = lines if recognised.says_modality else [f'modality = "{manifest.name}"', *lines]
+        facts |= {"missing": missing, "lines": lines}
     remarks = (NONE if previewed is None else previewed.remarks) + remarks_of(stream)
     if stream is not None:
         remarks += Remarks(notes_on_gaps(stream.acquisition.positions_mm))
     facts |= {"doubts": [doubt.to_json() for doubt in remarks.doubts], "notes": list(remarks.notes)}
-    if path.is_dir() and (unread := unread_next_to(path, manifest, texts_in(keys))).count:
+    if recognised.path.is_dir() and (unread := unread_next_to(recognised.path, manifest, texts_in(keys))).count:
         facts["unread"] = unread.to_json()
-    return facts | {"next": _next(path, sidecar, bool(missing), modality)}
+    return facts | {"next": _next(recognised)}
 
 
 def _size(
@@ -200,27 +168,37 @@ def _size(
     return facts
 
 
-def _next(path: Path, sidecar: Path, missing: bool, modality: str | None) -> str:
+def _next(recognised: Recognised) -> str:
     """Return what to do next with a recording."""
-    if not missing:
-        return f"endoct unroll {quote(path_text(path))} -o PANORAMA.zarr"
-    if exists(sidecar):
-        return f"fill in what is missing in {path_text(sidecar)}"
-    asked = f" --modality {modality}" if modality else ""
-    return f"endoct info {quote(path_text(path))}{asked} --write-sidecar"
+    if not recognised.missing:
+        return f"endoct unroll {quote(path_text(recognised.path))} -o PANORAMA.zarr"
+    if exists(recognised.sidecar):
+        return f"fill in what is missing in {path_text(recognised.sidecar)}"
+    asked = f" --modality {recognised.asked}" if recognised.asked else ""
+    return f"endoct info {quote(path_text(recognised.path))}{asked} --write-sidecar"
 
 
-def write_thumbnail(preview: Preview | None, recording: Path, path: Path) -> None:
-    """Write the frames of ``preview`` as one PNG. Raises :class:`EndoctError` where there are none, or one exists."""
+def write_thumbnail(recognised: Recognised, path: Path) -> None:
+    """Write the picture of a recording as a PNG. Raises :class:`EndoctError` where it has none, or ``path`` exists."""
     if path.suffix.lower() != ".png":
         raise EndoctError(f"a thumbnail is a PNG, which {path} is not", expected="FILE.png")
     if path.exists():
         raise EndoctError(f"{path} exists already", remedy="choose another file")
+    png = picture_of(recognised)
+    with new_output(path, THUMBNAIL, inputs=[recognised.path]) as scratch:
+        scratch.write_bytes(png)
+
+
+def picture_of(recognised: Recognised) -> bytes:
+    """Return a PNG of the first, the middle and the last frame of a recording as its files hold them.
+
+    Raises :class:`EndoctError` where it cannot be read, or its plug-in gives no pictures.
+    """
+    preview = recognised.sniff.preview
     if preview is None or not preview.pictures:
-        raise EndoctError(f"the plug-in that reads {recording} gives no pictures before it is opened")
+        raise EndoctError(f"the plug-in that reads {recognised.path} gives no pictures before it is opened")
     picture = side_by_side(preview.pictures)
-    with new_output(path, THUMBNAIL, inputs=[recording]) as scratch:
-        scratch.write_bytes(cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes())
+    return cv2.imencode(".png", picture[..., ::-1] if picture.ndim == 3 else picture)[1].tobytes()
 
 
 def side_by_side(pictures: tuple[NDArray[Any], ...]) -> NDArray[np.uint8]:

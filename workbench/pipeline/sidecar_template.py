@@ -11,10 +11,9 @@ from pydantic.fields import FieldInfo
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.output import new_output
-from endoct.modalities.acquisition import Acquisition, read_toml, sidecar_path, table_model, unit_of
-from endoct.modalities.reading.format import Stated
-from endoct.modalities.registry import manifest_for, manifests, sniffed
-from endoct.modalities.stated import stated_keys
+from endoct.modalities.acquisition import Acquisition, table_model, unit_of
+from endoct.modalities.recognition import Recognised, missing_keys
+from endoct.modalities.registry import manifests
 from endoct.workbench.running.outputs import SIDECAR
 
 _FIRST_LINE = "# What the files of ", " do not say themselves. Leave out what is not known."
@@ -25,19 +24,6 @@ _NEEDED, _STATED, _FURTHER = (
 )
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STATED_LINE = re.compile(r"# \w+ = .*  # by .*")
-
-
-def missing_keys(acquisition: type[Acquisition], keys: Collection[str], needs: Collection[str] = ()) -> dict[str, str]:
-    """Return what ``keys`` lack of what a recording needs, with why it matters; ``needs`` are keys it needs as well.
-
-    By key; where one of several keys will do, by "one of a, b, or c with d".
-    """
-    missing = {
-        key: field.description or "required"
-        for key, field in acquisition.model_fields.items()
-        if (field.is_required() or key in needs) and key not in keys
-    }
-    return missing | {str(one_of): one_of.why for one_of in acquisition.alternatives if not one_of.is_met(keys)}
 
 
 def missing_lines(acquisition: type[Acquisition], keys: Collection[str], needs: Collection[str] = ()) -> list[str]:
@@ -54,48 +40,43 @@ def missing_lines(acquisition: type[Acquisition], keys: Collection[str], needs: 
     return lines
 
 
-def write_sidecar_template(path: Path, modality: str | None, *, overwrite: bool) -> tuple[Path, dict[str, str]]:
-    """Write an ``acquisition.toml`` to fill in; return its path and what it lacks, as :func:`missing_keys` does.
+def write_sidecar_template(recognised: Recognised, *, overwrite: bool) -> tuple[Path, dict[str, str]]:
+    """Write an ``acquisition.toml`` to fill in; return its path and what it lacks.
 
     What is needed comes first, then what the files state, as comments, then what else may be known. Keys that an
     existing sidecar has are kept. Raises :class:`EndoctError` where a sidecar exists and ``overwrite`` is not set, or
-    the sidecar is no such template or holds comments of the user's own. It is also raised where nothing says which
-    modality it is.
+    the sidecar is no such template or holds comments of the user's own.
     """
-    manifest = manifest_for(path, modality)
-    sidecar = sidecar_path(path)
+    sidecar, acquisition, missing = recognised.sidecar, recognised.manifest.acquisition, recognised.missing
     if sidecar.exists() and not overwrite:
         raise EndoctError(f"{sidecar} exists already", remedy="edit it, or lay its keys out anew with overwrite=True")
-    kept = (read_toml(sidecar) if sidecar.exists() else {}) | {"modality": manifest.name}
-    fields = manifest.acquisition.model_fields
-    if unknown := sorted(kept.keys() - fields.keys()):
+    kept = {**recognised.own, "modality": recognised.manifest.name}
+    if unknown := sorted(kept.keys() - acquisition.model_fields.keys()):
         raise EndoctError(
-            f"'{unknown[0]}' in {sidecar} is no key of '{manifest.name}'",
-            expected=", ".join(fields),
+            f"'{unknown[0]}' in {sidecar} is no key of '{recognised.manifest.name}'",
+            expected=", ".join(acquisition.model_fields),
             remedy="correct or remove it first: it would be lost",
         )
-    stated, needs = stated_keys(path, manifest.acquisition), sniffed(path, manifest).needs
-    lines = [f"{_FIRST_LINE[0]}{path.name}{_FIRST_LINE[1]}", ""]
-    lines += _sections(manifest.acquisition, kept, stated, needs)
+    lines = [f"{_FIRST_LINE[0]}{recognised.path.name}{_FIRST_LINE[1]}", ""]
+    lines += _sections(recognised, kept)
     text = "\n".join(lines)
     with refusing(f"{sidecar} cannot be laid out anew", remedy="edit it by hand"):
         if tomllib.loads(text) != kept:
             raise ValueError("its values would change")
     with new_output(sidecar, SIDECAR, overwrite=overwrite, is_ours=_is_template) as scratch:
         scratch.write_text(text, encoding="utf-8")
-    return sidecar, missing_keys(manifest.acquisition, {**stated.keys, **kept}, needs)
+    return sidecar, missing
 
 
-def _sections(
-    acquisition: type[Acquisition], kept: Mapping[str, object], stated: Stated, needs: Collection[str]
-) -> Iterator[str]:
+def _sections(recognised: Recognised, kept: Mapping[str, object]) -> Iterator[str]:
     """Yield the lines of a template below its first: what is kept, needed, stated, and further keys."""
-    fields, known = acquisition.model_fields, {**stated.keys, **kept}
+    acquisition, stated, known = recognised.manifest.acquisition, recognised.stated, recognised.keys
+    fields = acquisition.model_fields
     open_ = [one_of for one_of in acquisition.alternatives if not one_of.is_met(known)]
-    needed = {key for key, field in fields.items() if field.is_required() or key in needs}
+    needed = {key for key, field in fields.items() if field.is_required() or key in recognised.needs}
     needed |= {key for one_of in open_ for key in one_of.keys}
     of_stated = [key for key in stated.keys if key not in kept]
-    further = [key for key in fields if key not in needed and key not in kept and key not in of_stated]
+    further = [key for key in fields if key not in needed and key not in known]
     for key in (key for key in fields if key in kept):
         yield from (f"# {_about(fields[key])}", _line(key, fields[key], kept), "")
     if lacking := [key for key in fields if key in needed and key not in known]:

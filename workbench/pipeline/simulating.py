@@ -17,11 +17,11 @@ from endoct.base.files.output import OVERWRITE, check_output, check_place, new_o
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.synthetic.sample.parameters import Volume
 from endoct.synthetic.specimen import simulate as render
-from endoct.workbench.pipeline.settings import parse_place, parse_vary
 from endoct.workbench.requests import SimulateRequest, by_request
 from endoct.workbench.running.outputs import SPECIMEN
 from endoct.workbench.running.progress import stages_for
 from endoct.workbench.running.scheduler import one_blas_thread
+from endoct.workbench.settings import parse_place, parse_vary
 
 MOST_SAMPLE_BYTES = 16_000_000
 """A sample.json may have as many bytes. Usual ones have under 1 MB, and reading takes many times the size."""

@@ -61,7 +61,7 @@ def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
 
     Raises :class:`EndoctError` where a folder is no pose.
     """
-    read = [(folder, _read(folder)) for folder in folders]
+    read = [(folder, read_pose(folder)) for folder in folders]
     rows = [dict(_row(folder, pose)) for folder, pose in read]
     columns = dict.fromkeys([*ALWAYS, *(column for row in rows for column in row)])
     return {
@@ -70,7 +70,8 @@ def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
     }
 
 
-def _read(folder: Path) -> dict[str, Any]:
+def read_pose(folder: Path) -> dict[str, Any]:
+    """Return what ``pose.json`` in ``folder`` says. Raises :class:`EndoctError` where it is none."""
     path = folder / NAME
     with refusing(f"{folder} is no pose", expected="a folder written by `endoct pose`"):
         pose: dict[str, Any] = json.loads(read_small(path, MOST_BYTES))

@@ -34,7 +34,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Pose:
+class TruePose:
     """Where a panorama truly lies: θ_bore = theta0_rad + sense · θ, z_bore by interpolation over its frames."""
 
     theta0_rad: float
@@ -61,8 +61,8 @@ class TrueMap:
     """
 
     z_a_mm: Coordinates
-    pose_a: Pose
-    pose_b: Pose
+    pose_a: TruePose
+    pose_b: TruePose
 
     @property
     def mirrored(self) -> bool:
@@ -103,7 +103,7 @@ def load_truth(specimen: Path) -> Truth:
     return Truth(arrays, read_object(recording, MOST_RECORDING_BYTES))
 
 
-def true_pose(panorama: Panorama, truth: Truth) -> Pose:
+def true_pose(panorama: Panorama, truth: Truth) -> TruePose:
     """Return the pose of ``panorama``, made from one of the specimen's recordings, frame by frame.
 
     Raises :class:`EndoctError` where it was made of something else, or the truth is damaged.
@@ -133,14 +133,14 @@ def _tells_of(of: object, index: NDArray[Any]) -> bool:
     return isinstance(frames, list) and whole and bool(index.min() >= 0 and index.max() < len(frames))
 
 
-def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> Pose:
+def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> TruePose:
     z_panorama = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
     # a helical turn advances while it is recorded: the truth refers to its first A-scan, the panorama to its middle
     advance_mm = number({"z_advance_mm": 0.0, **of}, "z_advance_mm", -1e3, 1e3, "the truth")
     z_bore = _numbers(of["z_mm"])[index] + advance_mm / 2
     if "roll_rad" in of:  # the panorama's angle of a frame is image angle + estimated roll
         turn = _numbers(of["roll_rad"])[index] - panorama.per_frame["roll_rad"].values
-        return Pose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
+        return TruePose(float(turn[0] + np.median(wrap_rad(turn - turn[0]))), 1, z_panorama, z_bore)
     # a common angle of all turns is nothing a recording can know: the middle of theirs against what was found
     late = _numbers(of["start_angle_rad"]) + np.pi * (_numbers(of["turn_length"]) - 1)
     corrected = panorama.per_frame.get("start_angle_rad")
@@ -148,7 +148,7 @@ def _pose(panorama: Panorama, of: Mapping[str, Any], index: NDArray[Any]) -> Pos
     common = float(np.angle(np.sum(np.exp(1j * late))))
     stated_mirrored = panorama.provenance["acquisition"]["handedness"] == "mirrored"
     sense = -1 if number(of, "theta_sense", -1, 1, "the truth") < 0 else 1
-    return Pose(
+    return TruePose(
         number(of, "theta_origin_rad", -1e3, 1e3, "the truth") + sense * common,
         sense * (-1 if stated_mirrored else 1),
         z_panorama,
@@ -164,17 +164,17 @@ def _numbers(stored: object) -> Coordinates:
     return values
 
 
-def true_cells(truth: Truth, pose: Pose, panorama: Panorama) -> Mask:
+def true_cells(truth: Truth, pose: TruePose, panorama: Panorama) -> Mask:
     """Return the true cells at the centres of the panorama's samples, bool (n_z, n_theta)."""
     return np.asarray(truth.wall["cell"][_nearest(truth, pose, panorama)], dtype=np.bool_)
 
 
-def true_relief(truth: Truth, pose: Pose, panorama: Panorama) -> Image:
+def true_relief(truth: Truth, pose: TruePose, panorama: Panorama) -> Image:
     """Return wall radius minus bore radius at the centres of the panorama's samples, mm, float32 (n_z, n_theta)."""
     return np.asarray(truth.wall["relief_mm"][_nearest(truth, pose, panorama)], dtype=np.float32)
 
 
-def _nearest(truth: Truth, pose: Pose, panorama: Panorama) -> tuple[NDArray[np.intp], ...]:
+def _nearest(truth: Truth, pose: TruePose, panorama: Panorama) -> tuple[NDArray[np.intp], ...]:
     """Return rows (n_z, 1) and columns (1, n_theta) of the true wall that lie nearest the panorama's."""
     z_mm, n_theta = truth.wall["z"], truth.wall["theta"].size
     rows = np.clip(np.rint((pose.z_bore(panorama.z_mm) - z_mm[0]) / (z_mm[1] - z_mm[0])), 0, z_mm.size - 1)

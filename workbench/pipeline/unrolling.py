@@ -1,198 +1,33 @@
-"""Unroll one recording of any modality into a panorama, and write its store.
+"""Unroll one recording into the store of its panorama.
 
 The store holds the panorama, the volume where one is wanted, pictures of a few frames, and a report.
 """
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from endoct.base.compute.memory import give_back
-from endoct.base.compute.parallel import thread_map
-from endoct.base.errors import EndoctError, NotSeen, refusing
-from endoct.base.files.files import State, check_unchanged, digests, state_of
-from endoct.modalities import registry
-from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.assembly import assemble
-from endoct.modalities.contract import (
-    Calibration,
-    Frame,
-    FrameStream,
-    Manifest,
-    Modality,
-    ParallaxModality,
-    ReadingOnce,
-    VolumetricModality,
-)
-from endoct.modalities.device import Device
+from endoct.base.errors import EndoctError, refusing
+from endoct.modalities.contract import VolumetricModality
 from endoct.modalities.illustration import illustrated
-from endoct.modalities.reading.remarks import remarks_of
-from endoct.stitching.panorama import Panorama, doubts_of_observed
+from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_notes, save_panorama
-from endoct.workbench.pipeline.recipes import with_recipe
-from endoct.workbench.pipeline.settings import parse, split
 from endoct.workbench.report.figures.rendered import begin_pictures, begin_wall
 from endoct.workbench.report.pictures import PICTURES, load_pictures, save_pictures
 from endoct.workbench.report.side_findings import recording_in
-from endoct.workbench.running.outputs import versions
-from endoct.workbench.running.progress import Advance, Stages
-from endoct.workbench.running.scheduler import Scheduler, in_background
+from endoct.workbench.running.progress import Stages
+from endoct.workbench.running.scheduler import Scheduler
+from endoct.workbench.settings import parse
+from endoct.workbench.sides.recordings import Unrolled, Watched, open_recording, unroll_recording
 
-if TYPE_CHECKING:  # else the process that unrolls the second side would load what reads command lines
-    from endoct.workbench.requests import RecipeName, UnrollRequest
+if TYPE_CHECKING:
+    from endoct.workbench.requests import UnrollRequest
 
 PLACES = (1 / 6, 1 / 2, 5 / 6)
 """Pictures of frames are taken at these shares of the recording's length."""
-
-TRAVEL_BY_DEFAULT = "travel_by_default"
-"""Under this name a panorama's provenance has the direction of travel that no sidecar, file or setting states."""
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A recording that is known to be readable, with how and where to process it, and its files as they were."""
-
-    path: Path
-    files: State
-    manifest: Manifest
-    stream: FrameStream
-    parameters: Any
-    device: Device
-
-
-@dataclass(frozen=True)
-class Unrolled:
-    """A recording's panorama, and how the recording was surveyed, for pictures of single frames and for volumes."""
-
-    recording: Recording
-    panorama: Panorama
-    calibration: Calibration
-
-
-class Watched:
-    """A stream that reports the share of it that has been read."""
-
-    def __init__(self, stream: FrameStream, advance: Advance) -> None:
-        self._stream, self._advance, self._read = stream, advance, 0
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """How the frames were acquired."""
-        return self._stream.acquisition
-
-    def __len__(self) -> int:
-        return len(self._stream)
-
-    def __getitem__(self, index: int) -> Frame:
-        frame = self._stream[index]
-        self._read += 1
-        self._advance(min(1.0, self._read / len(self._stream)))
-        return frame
-
-
-def open_recording(
-    path: Path,
-    *,
-    modality: str | None = None,
-    recipe: "RecipeName | None" = None,
-    settings: Mapping[str, object] | None = None,
-    device: Device = "cpu",
-) -> Recording:
-    """Open the recording at ``path`` without unrolling it.
-
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters, in place of those of the ``recipe``;
-    ``device`` is where to compute what the plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError`
-    where the recording, its sidecar, the recipe or a setting cannot be used.
-    """
-    files = state_of(path)  # taken before any of it is read
-    of_path = registry.manifest_for(path, modality)
-    overrides, parameters = split(with_recipe(recipe, of_path.name, settings or {}), of_path)
-    manifest, stream = registry.open_recording(path, modality=modality, overrides=overrides, device=device)
-    return Recording(path, files, manifest, stream, parameters, device)
-
-
-def _travel_by_default(acquisition: Acquisition) -> Mapping[str, str]:
-    """Return which way the instrument was taken to have moved, where nothing but a default says so."""
-    by_default = "travel" not in acquisition.model_fields_set and acquisition.travel != "unknown"
-    return {TRAVEL_BY_DEFAULT: acquisition.travel} if by_default else {}
-
-
-def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> Unrolled:
-    """Survey, unroll and settle a recording.
-
-    ``label`` tells apart the stages of two recordings. Raises :class:`EndoctError` where it shows no bore wall, or its
-    files were changed since it was opened.
-    """
-    manifest, stream, parameters = recording.manifest, recording.stream, recording.parameters
-    title = f"{label} {manifest.name}".strip()
-    implementation = manifest.load(recording.device)
-    with (
-        in_background(partial(digests, recording.path)) as inputs,
-        _read_once(implementation, stream, parameters) as frames,
-    ):
-        with stages.stage(f"survey {title}") as advance:
-            calibration = implementation.survey(Watched(frames, advance), parameters)
-        give_back()
-        with stages.stage(f"unroll {title}") as advance:
-            strips = thread_map(partial(implementation.unroll, calibration=calibration), Watched(frames, advance))
-            blended = assemble(
-                strips,
-                calibration,
-                manifest,
-                provenance={
-                    "parameters": parameters.model_dump(mode="json"),
-                    "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
-                    **_travel_by_default(stream.acquisition),
-                    **_made_with(recording.device),
-                },
-            )
-        if hasattr(implementation, "add_depth"):
-            with stages.stage(f"depth {title}") as advance:
-                parallax = cast(ParallaxModality[Any, Any], implementation)
-                blended = parallax.add_depth(blended, Watched(frames, advance), calibration, parameters)
-        with stages.stage(f"settle {title}"):
-            settled = implementation.settle(blended, calibration)
-        panorama = replace(
-            settled,
-            axial_scale=stream.acquisition.axial_scale,
-            provenance={**settled.provenance, "inputs": inputs.result()},
-        )
-    give_back()
-    check_unchanged(recording.path, recording.files)
-    if not panorama.valid.any():
-        raise NotSeen(
-            f"nothing of the wall could be seen in {recording.path}",
-            found=" ".join([*(doubt.what for doubt in panorama.doubts), *panorama.notes]).rstrip(".")
-            or "no valid sample in the panorama",
-            expected="a recording of a bore wall",
-            remedy=f"look at the {manifest.frame_dim}s",
-        )
-    remarks = remarks_of(stream)
-    panorama = replace(
-        panorama,
-        doubts=(*remarks.doubts, *panorama.doubts, *doubts_of_observed(panorama)),
-        notes=(*remarks.notes, *panorama.notes),
-    )
-    return Unrolled(recording, panorama, calibration)
-
-
-def _made_with(device: Device) -> dict[str, object]:
-    """Return the versions that a panorama depends on and, where it is not the CPU, the device that was asked for."""
-    return {"versions": versions()} if device == "cpu" else {"versions": versions("torch"), "device": device}
-
-
-def _read_once(
-    implementation: Modality[Any, Any], stream: FrameStream, parameters: Any
-) -> AbstractContextManager[FrameStream]:
-    """Give ``stream``, or what the plug-in keeps of its frames, where it offers that."""
-    if not hasattr(implementation, "reading_once"):
-        return nullcontext(stream)
-    return cast(ReadingOnce[Any, Any], implementation).reading_once(stream, parameters)
 
 
 def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, scheduler: Scheduler) -> Panorama:

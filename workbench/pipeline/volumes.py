@@ -8,7 +8,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
-from endoct.modalities.ct.ct_volume import CtVolume, corners_of, in_world, is_volume, read_ct
+from endoct.modalities.ct.ct_volume import CtVolume, corners_of, in_world, read_ct
 from endoct.modalities.ct.hounsfield import LEAST_HU
 from endoct.modalities.ct.stored import SIGNS, Convention
 from endoct.modalities.ct.trajectory import is_plan, read_line
@@ -46,11 +46,6 @@ def facts_of(ct: CtVolume, title: str, coordinates: Convention, doubts: tuple[Do
     if ct.segments is not None:
         facts["labels"] = {str(segment.label): segment.name or "unknown" for segment in ct.segments[:MOST_NAMED]}
     return VolumeFacts(title, facts, ct.notes, (*ct.doubts, *doubts))
-
-
-def is_volume_or_plan(path: Path) -> bool:
-    """Say whether a path is a CT, a segmentation or a plan by its content."""
-    return is_volume(path) or (path.is_file() and is_plan(path))
 
 
 def describe_volume(path: Path) -> dict[str, object]:

@@ -8,7 +8,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.ct.ct_volume import CtVolume, check_within, in_world, meaning_of, read_ct, with_label_names
 from endoct.modalities.ct.stored import Convention
 from endoct.modalities.ct.trajectory import Point, Trajectory, read_line
-from endoct.workbench.pipeline.settings import parse_place
+from endoct.workbench.settings import parse_place
 
 if TYPE_CHECKING:
     from endoct.workbench.requests import PlanRequest

@@ -9,13 +9,12 @@ from endoct.modalities.ct.label_names import OUR_TABLE
 from endoct.modalities.device import check_device
 from endoct.synthetic.sample.presets import PresetName
 from endoct.workbench.pipeline.simulating import demonstrate, simulate
-from endoct.workbench.pipeline.sources import source_of
 from endoct.workbench.posing.plan import read_requested, with_labels
-from endoct.workbench.posing.sides import MOST_SIDES, side_of_comparison
 from endoct.workbench.requests import OutlookRequest, PoseRequest, by_request
 from endoct.workbench.running.outputs import POSE
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.running.scheduler import one_blas_thread, scheduler
+from endoct.workbench.sides.sources import MOST_SIDES, side_of_comparison, source_of
 
 if TYPE_CHECKING:
     from endoct.workbench.posing.result import OutlookResult, PoseResult

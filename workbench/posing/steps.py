@@ -18,7 +18,6 @@ from endoct.fusion.pose.structures import label_doubts, structures_near
 from endoct.fusion.pose.summary import summary_of
 from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.modalities.device import Device
-from endoct.workbench.pipeline.sources import Source, inputs_of
 from endoct.workbench.pipeline.volumes import facts_of
 from endoct.workbench.posing.figures import draw_cut, draw_wall, draw_wall_of_plan
 from endoct.workbench.posing.handover import write_handover
@@ -26,11 +25,11 @@ from endoct.workbench.posing.pages import outlook_page, pose_page
 from endoct.workbench.posing.plan import Planned
 from endoct.workbench.posing.prediction import SideInAir, compare_with, one_thread, predicted, save_compared
 from endoct.workbench.posing.result import Made, OutlookResult, PoseResult, pose_versions
-from endoct.workbench.posing.sides import make_sides, open_sides
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
 from endoct.workbench.running.outputs import json_text
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import ALONE, Scheduler, Spread
+from endoct.workbench.sides.sources import Source, inputs_of, open_recorded, read_sides, unroll_sources
 
 PREDICTED = "predicted"
 
@@ -51,7 +50,7 @@ def find_sources(
     start = time.perf_counter()
     labels = planned.labels
     files = {path: state_of(path) for path in (*planned.files, *(one.path for one in sources if one.path is not None))}
-    opened = open_sides(sources)
+    opened = open_recorded(sources)
     structures = () if labels is None else structures_near(labels, planned.plan)
     volumes = {"ct": facts_of(planned.ct, "CT", planned.coordinates)}
     if labels is not None:
@@ -59,7 +58,7 @@ def find_sources(
     with stages.stage("CT around the plan"):
         air = air_around(planned.ct, planned.plan)
     # what cannot be used was refused before the work of unrolling
-    sides = make_sides(opened, stages, scheduler)
+    sides = read_sides(unroll_sources(opened, stages, scheduler))
     at_once = scheduler if device == "cpu" else ALONE
     in_air = at_once.spread([SideInAir(air, side) for side in sides])
     found = find(air, planned.plan, in_air, device, stages)

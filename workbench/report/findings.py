@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from endoct.base.files.contents import check_intact
-from endoct.fusion.files.store import load_comparison
+from endoct.fusion.files.store import load_compared
 from endoct.fusion.result import Overlap, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
@@ -45,7 +45,7 @@ class Findings(BothSides):
 def read_findings(folder: Path) -> Findings:
     """Read what ``endoct compare`` wrote. Raises :class:`EndoctError` where ``folder`` is no whole comparison."""
     check_intact(folder)
-    comparison = load_comparison(folder / "comparison.zarr")
+    comparison = load_compared(folder)
     pictures = load_pictures(folder / "pictures")
     panoramas = [load_panorama(folder / "panoramas" / f"{name}.zarr") for name in comparison.names]
     return findings_of(comparison, panoramas, pictures)

@@ -8,6 +8,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.errors import NotSeen
+from endoct.base.numeric.peaks import vertex_in_loops
 from endoct.base.numeric.ranks import median
 from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
@@ -23,21 +24,19 @@ from endoct.modalities.endoscope.mirror.rings import (
 
 LEAST_SUPPORT = 0.25
 FAINTEST_SUPPORT = 0.1
-"""An inner rim needs this support where there is no clearer one, and so do rims that lie where those of other frames
-do."""
+"""Least support of an inner rim where there is no clearer one, and of rims that lie where those of other frames do."""
 LARGEST_RADIUS_RATIO = 0.85
 SMALLEST_RADIUS_RATIO = 0.1
 FARTHEST_CENTRES = 0.2
 LEAST_LASTING = 0.5
-"""At least this part of an inner rim's contrast remains farther out. A specular ring on the mirror is bright, and
-ends."""
+"""Least share of an inner rim's contrast that remains farther out. A specular ring is bright, but ends."""
 NEAR_REACHES = (0.06, 0.03, 0.015)
 FAR_REACHES = (0.3, 0.1, 0.03, 0.015)
-"""An edge is looked for this far from a rim, as parts of the outer radius, in one round after the other."""
+"""How far from a rim an edge is looked for, round by round, as shares of the outer radius."""
 REMEDY = "give 'annulus' in the sidecar as {x, y, inner_px, outer_px}, or check that the frames show the mirror's ring"
 STEP_PX = 0.5
 MARGIN = 2
-"""This many samples at both ends of a ray are not searched for edges."""
+"""Number of samples at either end of a ray that are not searched for edges."""
 SIGMA = 2.0
 _AWAY = np.arange(1, 9)
 TAPS = _AWAY / SIGMA**2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2) / (1 + 2 * np.exp(-0.5 * (_AWAY / SIGMA) ** 2).sum())
@@ -329,8 +328,7 @@ def _steepest(
             if slope[k] > slope[at]:
                 at = k
         at = min(max(at, MARGIN + 1), n - MARGIN - 2)
-        bend = slope[at - 1] - 2 * slope[at] + slope[at + 1]
-        shift = 0.5 * (slope[at - 1] - slope[at + 1]) / bend if bend < 0 else 0.0
+        shift = vertex_in_loops(slope[at - 1], slope[at], slope[at + 1])
         radius[i] = radii[at] + STEP_PX * min(max(shift, -1.0), 1.0)
         steepest[i] = slope[at]
     return radius, steepest

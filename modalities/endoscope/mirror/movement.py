@@ -21,7 +21,7 @@ from endoct.modalities.endoscope.mirror.rings import Ring, find_rings, fit_circl
 GRAIN = 1 / 320
 """Noise is averaged over this σ, as a part of the image's shorter side. The wall's texture is coarser."""
 LEFT_PX = 0.3
-"""Frames remain displaced by about this much after their outer rims were laid on each other."""
+"""Frames are still displaced by about this much when their outer rims coincide."""
 CLEAR_RIM = 0.8
 """An edge of the movement with this support is the rim: it has 1.2 to 1.5 in the simulator, others below 0.55."""
 NEARLY = 0.8

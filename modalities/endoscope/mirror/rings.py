@@ -22,7 +22,7 @@ from endoct.base.numeric.ranks import SIGMA_PER_MEDIAN, median_in_loops, quantil
 MOST_GROWTH = 3.0
 """A circle's radius may differ from its first estimate by at most this factor."""
 PICKS = 200
-"""So many circles are tried."""
+"""Number of circles that are tried."""
 NUMBERS = 512
 """The choices of three points are kept for up to this many points, as many as there are rays."""
 N_RAYS = 360

@@ -3,8 +3,8 @@
 The wall is swept piece by piece, each with the frames that show it. Pieces overlap, so that none has an end inside the
 bore.
 
-A depth is the surer, the worse the frames agree at others and the smoother depths are around it. How well the optics
-are known counts as well: every depth is in proportion to their slants.
+A depth is more certain where frames agree worse at all other depths, and where the depths around it are smooth. It also
+depends on how well the optics are known: every depth is in proportion to their slants.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ ALIKE = 0.25
 WINDOW_MM = (0.1, 0.04)
 """Costs are means over this length along z and around."""
 STEP, JUMP = 0.2, 1.0
-"""It costs this to lie one depth, or any number of depths, behind a neighbour."""
+"""Penalties of matching: for a neighbour one depth away, and for one any farther."""
 DOUBT = 0.05
 """Depths that cost this much more are 1/e as probable."""
 ROUGHNESS = 1.0

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.memory import Room
+from endoct.base.numeric.peaks import vertex_in_loops
 from endoct.modalities.endoscope.parallax.sweeping import Costs
 
 WARMING = 128
@@ -97,9 +98,9 @@ def _least(total: NDArray[np.uint16], places: Coordinates) -> None:
             for d in range(2, total.shape[2] - 1):
                 if total[i, j, d] < total[i, j, best]:
                     best = d
-            before, least, after = float(total[i, j, best - 1]), float(total[i, j, best]), float(total[i, j, best + 1])
-            bend = before - 2 * least + after
-            beyond = (before - after) / (2 * bend) if bend > 0 else 0.0
+            beyond = vertex_in_loops(
+                -float(total[i, j, best - 1]), -float(total[i, j, best]), -float(total[i, j, best + 1])
+            )
             places[i, j] = best + min(max(beyond, -0.5), 0.5)
 
 

@@ -12,7 +12,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.modalities.endoscope.parallax.views import COLUMNS_A_BLOCK, UNKNOWN
 
 COST = 200
-"""A depth costs so much where frames have nothing in common there, and 0 where they are alike."""
+"""Cost of a depth at which frames have nothing in common; it is 0 where they agree."""
 UNSEEN = 255
 """Every depth costs this in a block that fewer than two frames see."""
 Costs = NDArray[np.uint8]
@@ -106,10 +106,8 @@ def _fill(
                 count[:] = n
                 for m in range(n):
                     above, below = textures[chosen[m], rows[m]], textures[chosen[m], rows[m] + 1]
-                    if holes[chosen[m], rows[m]] or holes[chosen[m], rows[m] + 1]:
-                        _add_known(above, below, beyond[m], total, squares, count)
-                    else:
-                        _add(above, below, beyond[m], total, squares)
+                    with_holes = holes[chosen[m], rows[m]] or holes[chosen[m], rows[m] + 1]
+                    _add(above, below, beyond[m], total, squares, count, with_holes)
                 _judge(total, squares, count, apart, whole)
             for b in range(costs.shape[1]):
                 differ, all_of_it = apart[2 * b] + apart[2 * b + 1], whole[2 * b] + whole[2 * b + 1]
@@ -124,26 +122,15 @@ def _add(
     beyond: int,
     total: NDArray[np.int32],
     squares: NDArray[np.int32],
-) -> None:
-    """Add what lies ``beyond`` of ``BETWEEN`` steps from one row to the next, ``BETWEEN`` times, and its square."""
-    for j in range(total.size):
-        value = np.int32(above[j]) * np.int32(BETWEEN - beyond) + np.int32(below[j]) * np.int32(beyond)
-        total[j] += value
-        squares[j] += value * value
-
-
-@compiled
-def _add_known(
-    above: NDArray[np.int8],
-    below: NDArray[np.int8],
-    beyond: int,
-    total: NDArray[np.int32],
-    squares: NDArray[np.int32],
     count: NDArray[np.int32],
+    with_holes: bool,
 ) -> None:
-    """Add the same where both rows are known, and count where they are not."""
+    """Add what lies ``beyond`` of ``BETWEEN`` steps from one row to the next, ``BETWEEN`` times, and its square.
+
+    ``with_holes``, it counts where either is not known.
+    """
     for j in range(total.size):
-        if above[j] == UNKNOWN or below[j] == UNKNOWN:
+        if with_holes and (above[j] == UNKNOWN or below[j] == UNKNOWN):
             count[j] -= 1
         else:
             value = np.int32(above[j]) * np.int32(BETWEEN - beyond) + np.int32(below[j]) * np.int32(beyond)

@@ -24,7 +24,7 @@ STEP_MM = 0.0025
 WIDTH_MM = 0.008
 """Half width of the inner face's line."""
 LEAST_OFFSET_MM = 0.05
-"""Nearer to the axis, a sheath line's own wobble looks the same, and nothing bends."""
+"""Nearer to the axis than this, the wobble of a sheath's line looks the same, and nothing bends."""
 LEAST_SHARE = 0.07
 """At least this part of the columns must show the inner face."""
 LEAST_PRESENCE = 0.5

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.circle import pad_circle
+from endoct.base.numeric.peaks import vertex
 from endoct.base.numeric.ranks import median, quantile_pair, robust_sigma
 from endoct.modalities.oct.bscan import Raster
 from endoct.modalities.oct.face.face_circle import Circle
@@ -126,8 +127,7 @@ def line_points(image: Image, raster: Raster, parameters: OctParameters) -> Poin
     ridge = _ridge(denoised, mm_per_px)
     noise = robust_sigma(ridge - median(ridge))
     column, row, height = _peaks(ridge, bright, np.float32(WEAKEST_POINT_SIGMAS * noise))
-    before, after = ridge[column, row - 1], ridge[column, row + 1]
-    shift = 0.5 * (before - after) / np.minimum(before - 2 * height + after, -1e-9)
+    shift = vertex(ridge[column, row - 1], height, ridge[column, row + 1])
     strength = np.minimum(1.0, height / (4 * WEAKEST_POINT_SIGMAS * max(noise, 1e-9)))
     depth_mm = (row + np.clip(shift, -0.5, 0.5)) * mm_per_px
     return Points(raster.angle_rad[column], depth_mm, strength.astype(np.float64))

@@ -17,15 +17,16 @@ from scipy.ndimage import gaussian_filter1d
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.peaks import vertex
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 
 Levels = Callable[[NDArray[np.intp]], Image]
 """It returns A-scans of the stream as levels (A-scan, depth), by their ascending indices, at least LEAST_ASCANS."""
 
 A_TURN = 800
-"""So many A-scans of a turn are compared first."""
+"""Number of A-scans of a turn that are compared first."""
 MOST_COMPARED = 100_000
-"""The usual turn is looked for in so many A-scans."""
+"""Greatest number of A-scans in which the usual turn is looked for."""
 SHORTEST, LONGEST = 256, 200_000
 """A turn has no fewer A-scans, and no more."""
 OVERLAP = 0.12
@@ -43,16 +44,16 @@ SPREAD = 0.1
 AROUND = 1 / 30
 """Parts of the stream are compared in a window of this standard deviation, in turns."""
 STEPS_A_TURN = 48
-"""The lag is followed at so many places a turn."""
+"""Number of places in a turn at which the lag is followed."""
 COLUMN_COST, MOST_COLUMN_COST = 0.02, 0.2
 """A change of the lag by one step, from place to place, costs this correlation. Any change costs at most the second:
 blocks of A-scans get lost."""
 NEAR = 1 / 80
-"""Where turns meet, so much is compared on either side, in turns."""
+"""Length that is compared on either side of where turns meet, in turns."""
 ROWS = 64
-"""An A-scan is compared at so many depths."""
+"""Number of depths at which A-scans are compared."""
 TOGETHER = 4096
-"""So many A-scans are read at once, as many as a small slice has."""
+"""Number of A-scans that are read at once, as many as a small slice has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +187,8 @@ def _between(alike: Coordinates, path: NDArray[np.intp]) -> Coordinates:
     """Return how far off the columns of ``path`` parabolas through ``alike`` (place, lag) peak, (place,)."""
     rows, inner = np.arange(len(path)), np.clip(path, 1, alike.shape[1] - 2)
     before, at, after = (alike[rows, inner + k] for k in (-1, 0, 1))
-    bend = before - 2 * at + after
-    peaks = (path == inner) & (bend < 0) & (before > -1) & (after > -1)
-    return np.where(peaks, np.clip((before - after) / (2 * np.where(peaks, bend, 1.0)), -0.5, 0.5), 0.0)
+    peaks = (path == inner) & (before > -1) & (after > -1)
+    return np.where(peaks, np.clip(vertex(before, at, after), -0.5, 0.5), 0.0)
 
 
 def _refined(levels: Levels, n_ascans: int, begin: float, end: float, step: int, usual: float) -> float:

@@ -26,25 +26,25 @@ from endoct.modalities.oct.surface.levels import FEWEST_ASCANS, SECTORS, Pool, f
 
 LINE_BACKGROUND_MM = 0.35
 LINE_BEYOND_MM = (0.07, 0.13)
-"""Darkness is judged so far behind a line: behind its echo, but before the signal of bone there ends."""
+"""Range behind a line in which darkness is judged: behind its echo, but before the signal of bone ends."""
 AROUND_LINE_MM = (0.03, 0.07)
-"""A line is compared with what lies so far before and behind it, within the gap, which may be narrow."""
+"""Range before and behind a line that it is compared with, within the gap, which may be narrow."""
 FACE_MM = 0.06
-"""So far behind the outer face it is still in view."""
+"""Distance behind the outer face up to which the face is still in view."""
 WALL_MM = (0.06, 0.25)
-"""The wall may lie so far before and behind where it is expected."""
+"""How far before and behind the expected place the wall may lie."""
 WALL_SHIFT = 0.3
 """The wall is looked for no farther off than this part of the gap between glass and wall."""
 FEWEST_SECTORS = 3
-"""Hardly a cell, and no side of glass or wall at one depth, reaches through so many sectors, a quarter of the turn."""
+"""Hardly any cell, and no stretch of glass or wall at one depth, spans this many sectors, a quarter of the turn."""
 MOST_MISSED = 0.2
 """All but this part of the sectors and parts must show a line."""
 HALF = 0.5
-"""Less of a line's typical contrast does not show it, and fewer of its rows do not judge it."""
+"""Least share of its typical contrast that shows a line, and least share of its rows that can judge it."""
 NEAREST_SHARE, CROSSING_MM = 0.02, 0.03
-"""So many A-scans see the face nearest. A line that lies so much deeper is behind it there."""
+"""Share of the A-scans in which the face is nearest, and how much deeper a line must lie to be behind it there."""
 INNER_FACE_MM = 0.04
-"""The glass's inner face reaches so far before and behind where it is expected, half its line."""
+"""How far the inner face of the glass reaches before and behind its expected place: half the width of its line."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,15 +31,15 @@ POOLED_SLICES = 40  # whose worth of A-scans is enough to judge a recording by
 SECTORS, PARTS = 12, 4  # of a turn and of the pullback
 FEWEST_ASCANS = 6  # of one sector and part
 FACE_MM = 0.06
-"""So far behind the outer face it is still in view."""
+"""Distance behind the outer face up to which the face is still in view."""
 WALL_MM = 0.08
-"""Nearer to the nominal wall, one that is not quite there may lie."""
+"""Distance from the nominal wall within which the real one may lie."""
 AROUND_MM = 0.2
-"""What lies so far before and behind a sample says whether it lies in the dark."""
+"""Distance before and behind a sample within which others say whether it lies in the dark."""
 OWN_MM = 0.015
-"""What lies nearer to it does not count: the noise that happens to be darkest is darker than noise is."""
+"""Samples nearer than this do not count: where noise happens to be darkest, it is darker than noise usually is."""
 DARK_SHARE = 0.1
-"""So many of the A-scans at one depth lie in openings of cells, where there are enough of them."""
+"""Share of the A-scans at one depth that lie in openings of cells, where there are enough of these."""
 SLACK_SIGMAS = 0.25
 """Bands reach no farther than this σ of the noise beyond what the gap shows; what does is bone."""
 FLOOR_SMOOTH_MM = 0.03

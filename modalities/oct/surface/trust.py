@@ -41,15 +41,15 @@ POWER_OF_A_PATH = 1.5
 GAP_MM = (0.06, 0.08)
 """There is nothing between so far behind the outer face and so far before the nominal wall."""
 BONE_MM = (0.02, 0.1)
-"""Bone lies so far behind the wall."""
+"""Range behind the wall in which bone is looked for."""
 BONE_SHARE = 0.75
-"""Up to so many of the A-scans may be openings."""
+"""Share of the A-scans that may be openings at most."""
 OPENING_MM = 0.05
-"""So far behind the nominal wall, a surface is that of an opening."""
+"""A surface farther behind the nominal wall than this belongs to an opening."""
 PLAIN_MM = 0.03
-"""So near to the nominal wall, a surface is the bore's own."""
+"""A surface nearer to the nominal wall than this is the bore's own."""
 CLEAR_MM = 0.015
-"""The nominal wall and the surface are blurred so far."""
+"""Distance over which the nominal wall and the surface are blurred."""
 PATCH_MM = 0.1
 """Averaged over so much of θ, speckle is as bright as bone."""
 FEWEST_ROWS = 2

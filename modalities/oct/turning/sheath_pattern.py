@@ -23,6 +23,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.memory import Kept
 from endoct.base.numeric.circle import wrap_rad
+from endoct.base.numeric.peaks import vertex
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, SAME_LINE_MM, Faces, line_depths_mm
@@ -132,8 +133,7 @@ class Likelihood:
         found = []
         for likelihood in (likelihoods[0] + likelihoods[1], *likelihoods):
             k = int(np.argmax(likelihood))
-            before, here, after = likelihood[[k - 1, k, (k + 1) % N_ANGLES]]
-            sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
+            sub = float(vertex(*likelihood[[k - 1, k, (k + 1) % N_ANGLES]]))
             found.append(-(k + sub) * 2 * np.pi / N_ANGLES)
         return found
 

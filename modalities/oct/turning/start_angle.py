@@ -18,6 +18,7 @@ from scipy.linalg import solveh_banded
 
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
+from endoct.base.numeric.peaks import vertex
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.bscan import mean_between
 from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
@@ -235,9 +236,8 @@ def _turned_by(a: Coordinates, b: Coordinates, about_rad: float) -> tuple[float,
     k = int(np.argmax(near))
     if k in (0, 2 * reach):
         return 0.0, 0.0
-    before, here, after = near[k - 1 : k + 2]
-    sub = 0.5 * (before - after) / min(before - 2 * here + after, -1e-12)
-    return (k + sub - reach) * 2 * np.pi / a.size, float(here)
+    sub = float(vertex(*near[k - 1 : k + 2]))
+    return (k + sub - reach) * 2 * np.pi / a.size, float(near[k])
 
 
 def _profiles(slices: Sequence[SliceFeatures], faces: Faces, acquisition: OctAcquisition) -> Coordinates:

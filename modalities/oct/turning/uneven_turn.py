@@ -48,7 +48,7 @@ NOT_CORRECTED = "Turns start anywhere; this was not corrected, so that slices li
 
 
 @dataclass(frozen=True, eq=False)
-class _Recording:
+class _Turning:
     """What holds for every slice: the glass, the depth of the axis, and how large factors of the rotation usually are.
 
     ``usual`` is float64 (N_FACTORS,), standard deviations; ``seek_lost``, whether to look for lost blocks of A-scans.
@@ -96,7 +96,7 @@ def measure_turns(
     Slices in the order of z. What ``parameters`` switch off stays even.
     """
     usual = _usual_factors(parameters)
-    recording = _Recording(glass, faces.typical_axis_mm, usual, parameters.correct_lost_ascans)
+    recording = _Turning(glass, faces.typical_axis_mm, usual, parameters.correct_lost_ascans)
     starts = _starting_circles(slices, faces)
     # no more than the factors are kept: a fit's matrices are larger than its slice
     every = range(len(slices))
@@ -143,7 +143,7 @@ def _starting_circles(slices: Sequence[SliceFeatures], faces: Faces) -> list[Cir
     return circles
 
 
-def _fit_alone(features: SliceFeatures, start: Circle, recording: _Recording) -> Coordinates | None:
+def _fit_alone(features: SliceFeatures, start: Circle, recording: _Turning) -> Coordinates | None:
     """The factors of a slice by itself; None where they cannot be trusted."""
     even = np.zeros(N_FACTORS)
     prior = recording.prior(even, recording.usual)
@@ -155,7 +155,7 @@ def _fit_alone(features: SliceFeatures, start: Circle, recording: _Recording) ->
 
 
 def _fit_about(
-    features: SliceFeatures, start: Circle, expected: _Expected, recording: _Recording, bridged: bool
+    features: SliceFeatures, start: Circle, expected: _Expected, recording: _Turning, bridged: bool
 ) -> _Turn:
     """The turn of a slice about what is ``expected`` of it."""
     begin, points = unknowns(start, expected.factors), features.points

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.pose.fit import Fit
+from endoct.fusion.pose.fit import PoseFit
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.paired import equivalence, limits_of_agreement
 from endoct.fusion.pose.pose import BorePose, angle_of, difference, length_of, offset_at, sampled_axes
@@ -30,7 +30,7 @@ def a_pose(
     parameters = np.zeros(SHARED + OF_SIDE)
     parameters[:4], parameters[SHARED] = (*aside, tilt, -tilt / 2), 15.0
     covariance = np.diag([deviation**2] * 2 + [(deviation / 10) ** 2] * 2 + [0.01] * OF_SIDE)
-    return BorePose(PLAN, Fit((side,), (Sense(),), parameters, covariance, (0.9,)))
+    return BorePose(PLAN, PoseFit((side,), (Sense(),), parameters, covariance, (0.9,)))
 
 
 @pytest.mark.parametrize("true", [(0.0, 0.0), (0.05, 0.0), (1.0, -0.5)])

@@ -21,7 +21,7 @@ from endoct.fusion.pose.finding import (
     differ,
     summary,
 )
-from endoct.fusion.pose.fit import Fit
+from endoct.fusion.pose.fit import PoseFit
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.search import OF_EACH_KIND, Candidate
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense
@@ -43,7 +43,7 @@ def pose(
 ) -> SidePose:  # fmt: skip
     """A side's pose; its axis errs by ``sigma`` in each of its four numbers."""
     parameters = np.concatenate([axis, np.zeros(OF_SIDE)])
-    fit = Fit((side(name, layers),), (Sense(),), parameters, sigma**2 * np.eye(N), (agreement,))
+    fit = PoseFit((side(name, layers),), (Sense(),), parameters, sigma**2 * np.eye(N), (agreement,))
     return SidePose(fit, second, standing, mirrored)
 
 

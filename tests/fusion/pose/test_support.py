@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from endoct.fusion.pose.air import STEP_MM, AirAround
-from endoct.fusion.pose.fit import Fit, fit_pose
+from endoct.fusion.pose.fit import PoseFit, fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.support import drawn_on, ellipse_mm, longest_bare_stretch, support_doubts, too_wide
@@ -107,5 +107,5 @@ def test_what_is_hardly_held_up_is_doubted_or_not_told(sparse: BorePose, full: B
     assert ["known to 0.7 mm only" in doubt.what for doubt in support_doubts(wide, [5.0])] == [True]
 
 
-def _scaled(fit: Fit, by: float) -> Fit:
+def _scaled(fit: PoseFit, by: float) -> PoseFit:
     return replace(fit, covariance=by**2 * fit.covariance)

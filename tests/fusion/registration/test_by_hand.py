@@ -15,17 +15,18 @@ from endoct.fusion.geometry.alignment import (
     ALL_ORIENTATIONS,
     Alignment,
     LandmarkPair,
-    NotAligned,
     Place,
+    SearchOutcome,
     as_covariance,
     residuals_mm,
 )
-from endoct.fusion.registration.by_hand import Bore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
+from endoct.fusion.registration.by_hand import KnownBore, Scale, covariance_about, fit_pairs, judge, mean_turn_rad
 
 RADIUS_MM = 1.25
-BORE = Bore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))
+BORE = KnownBore(RADIUS_MM, ALL_ORIENTATIONS[:1], (0.95, 1.05))
 ANY_BORE = replace(BORE, orientations=ALL_ORIENTATIONS)
 START = Alignment(0.0, 0.0, confidence=0.5)
+ALIGNED = SearchOutcome(START)
 PLACES = ((0.3, 1.0), (2.5, 7.0), (5.9, 13.0), (4.0, 19.0))
 
 
@@ -39,8 +40,8 @@ def placed(truth: Alignment, *places: tuple[float, float], off_mm: float = 0.0, 
 
 def test_a_single_pair_turns_and_shifts():
     pair = LandmarkPair(Place(0.2, 3.5), Place(6.2, 3.0))  # over θ = 0
-    judged = judge([pair], START, BORE)
-    found = judged.alignment
+    judged = judge([pair], ALIGNED, BORE)
+    found = judged.outcome.alignment
     assert isinstance(found, Alignment)
     assert found.theta_shift_rad == pytest.approx(0.2 - 6.2 + 2 * np.pi)
     assert (found.z_shift_mm, found.z_scale) == (pytest.approx(0.5), 1.0)
@@ -55,13 +56,13 @@ def test_a_single_pair_turns_and_shifts():
 
 
 def test_the_error_of_a_single_pair_is_that_of_the_place():
-    judged = judge([LandmarkPair(Place(1.0, 5.0), Place(1.0, 5.0), sigma_mm=0.1)], START, BORE)
-    assert isinstance(judged.alignment, Alignment)
-    covariance = np.array(judged.alignment.covariance)
+    judged = judge([LandmarkPair(Place(1.0, 5.0), Place(1.0, 5.0), sigma_mm=0.1)], ALIGNED, BORE)
+    assert isinstance(judged.outcome.alignment, Alignment)
+    covariance = np.array(judged.outcome.alignment.covariance)
     assert np.sqrt(covariance[0, 0]) * RADIUS_MM == pytest.approx(0.1)
-    assert judged.alignment.z_error_mm(5.0) == pytest.approx(0.1)
+    assert judged.outcome.alignment.z_error_mm(5.0) == pytest.approx(0.1)
     # away from the pair the scale counts, of which nothing is known but its range
-    assert judged.alignment.z_error_mm(15.0) == pytest.approx(np.hypot(0.1, 10 * 0.1 / np.sqrt(12)), rel=1e-6)
+    assert judged.outcome.alignment.z_error_mm(15.0) == pytest.approx(np.hypot(0.1, 10 * 0.1 / np.sqrt(12)), rel=1e-6)
 
 
 @pytest.mark.parametrize("shift_rad", [0.0, 1.0, 3.1, 6.28])
@@ -70,8 +71,8 @@ def test_planted_turn_shift_and_scale_come_back(shift_rad: float, mirrored: bool
     truth = Alignment(shift_rad, 2.5, 1.02, mirrored, z_reversed)
     start = replace(truth, theta_shift_rad=shift_rad + 0.2, z_shift_mm=2.0, z_scale=1.0)
     exact = placed(truth, *PLACES, sigma_mm=1e-4)
-    judged = judge(exact, start, ANY_BORE)
-    found = judged.alignment
+    judged = judge(exact, SearchOutcome(start), ANY_BORE)
+    found = judged.outcome.alignment
     assert isinstance(found, Alignment)
     assert np.angle(np.exp(1j * (found.theta_shift_rad - shift_rad))) == pytest.approx(0, abs=1e-9)
     assert found.z_scale == pytest.approx(1.02, abs=1e-6)
@@ -94,7 +95,7 @@ def test_the_scale_is_weighed_against_what_was_known():
 
 
 def test_pairs_that_an_alignment_allows_for_leave_its_scale_to_it():
-    sure = replace(START, covariance=as_covariance(np.diag([1e-6, 1e-5, 1e-8])))
+    sure = SearchOutcome(replace(START, covariance=as_covariance(np.diag([1e-6, 1e-5, 1e-8]))))
     near = judge(placed(Alignment(0.01, 0.02, 1.001), (1.0, 5.0), (2.0, 9.0)), sure, BORE)
     assert near.said.scale_share < 0.001
     far = judge(placed(Alignment(0.3, 0.5, 1.02), (1.0, 5.0), (2.0, 9.0)), sure, BORE)
@@ -107,7 +108,7 @@ def test_the_more_exact_pair_counts_more():
         *placed(truth, (1.0, 5.0), sigma_mm=0.02),
         *placed(truth, (1.0, 5.0), off_mm=0.4, sigma_mm=0.04),
     ]
-    found = judge(pairs, START, BORE).alignment
+    found = judge(pairs, ALIGNED, BORE).outcome.alignment
     assert isinstance(found, Alignment)
     assert found.z_shift_mm == pytest.approx(1.0 + 0.4 / 5)  # weights 4 : 1
 
@@ -116,74 +117,74 @@ def test_check_pairs_check_and_change_nothing():
     truth = Alignment(0.1, 0.2)
     correct = placed(truth, *PLACES[:2])
     check = placed(truth, *PLACES[2:], off_mm=0.3, role="check")
-    with_check, without = judge([*correct, *check], START, BORE), judge(correct, START, BORE)
-    assert with_check.alignment == without.alignment
+    with_check, without = judge([*correct, *check], ALIGNED, BORE), judge(correct, ALIGNED, BORE)
+    assert with_check.outcome == without.outcome
     assert without.said.check is None
     said = with_check.said.check
     assert said is not None
     assert (said.pairs, said.median_mm, said.max_mm) == (2, pytest.approx(0.3), pytest.approx(0.3))
     assert (said.along_max_mm, said.around_max_mm) == (pytest.approx(0.3), pytest.approx(0.0, abs=1e-9))
     assert [pair.after and pair.after.along_mm for pair in with_check.said.pairs[2:]] == pytest.approx([-0.3, -0.3])
-    alone = judge(check, START, BORE)
-    assert alone.alignment == START
+    alone = judge(check, ALIGNED, BORE)
+    assert alone.outcome == ALIGNED
     assert not alone.said.corrected
 
 
 def test_scattered_pairs_widen_the_error():
     truth = Alignment(0.0, 0.0)
     pairs = [*placed(truth, PLACES[0], PLACES[2], off_mm=0.4), *placed(truth, PLACES[1], PLACES[3], off_mm=-0.4)]
-    judged = judge(pairs, START, BORE)
+    judged = judge(pairs, ALIGNED, BORE)
     assert judged.said.misfit is not None
     assert judged.said.misfit > 3
-    assert isinstance(judged.alignment, Alignment)
-    assert judged.alignment.z_error_mm(10.0) > 2 * 0.05 / np.sqrt(4)
+    assert isinstance(judged.outcome.alignment, Alignment)
+    assert judged.outcome.alignment.z_error_mm(10.0) > 2 * 0.05 / np.sqrt(4)
 
 
-NOTHING = NotAligned("Nothing stands out.", START)
+NOTHING = SearchOutcome(None, START, "Nothing stands out.")
 
 
 def test_pairs_establish_what_was_not_found():
     truth = Alignment(2.0, 3.0, 1.01)
-    assert isinstance(judge(placed(truth, PLACES[0]), NOTHING, BORE).alignment, NotAligned)
+    assert judge(placed(truth, PLACES[0]), NOTHING, BORE).outcome.alignment is None
     judged = judge(placed(truth, *PLACES[:2], sigma_mm=0.01), NOTHING, BORE)
-    assert isinstance(judged.alignment, Alignment)
-    assert judged.alignment.z_to_a(4.0) == pytest.approx(truth.z_to_a(4.0), abs=0.02)
+    assert isinstance(judged.outcome.alignment, Alignment)
+    assert judged.outcome.alignment.z_to_a(4.0) == pytest.approx(truth.z_to_a(4.0), abs=0.02)
     assert judged.said.automatic_reason == "Nothing stands out."
 
 
 @pytest.mark.parametrize("orientation", ALL_ORIENTATIONS)
 def test_three_pairs_say_which_way_around(orientation: tuple[bool, bool]):
     truth = Alignment(2.0, 25.0, 1.0, *orientation)
-    two = judge(placed(truth, *PLACES[:2]), NOTHING, ANY_BORE).alignment
-    assert isinstance(two, NotAligned)
+    two = judge(placed(truth, *PLACES[:2]), NOTHING, ANY_BORE).outcome
+    assert two.alignment is None
     assert "it needs 3" in two.reason
     three = judge(placed(truth, *PLACES[:3]), NOTHING, ANY_BORE)
-    assert isinstance(three.alignment, Alignment)
-    assert (three.alignment.mirrored, three.alignment.z_reversed) == orientation
+    assert isinstance(three.outcome.alignment, Alignment)
+    assert (three.outcome.alignment.mirrored, three.outcome.alignment.z_reversed) == orientation
     assert three.said.orientation_by_pairs
 
 
 def test_pairs_in_one_place_do_not_say_which_way_around():
     truth = Alignment(2.0, 3.0)
-    found = judge(placed(truth, (1.0, 5.0), (1.0, 5.0), (1.0, 5.0)), NOTHING, ANY_BORE).alignment
-    assert isinstance(found, NotAligned)
+    found = judge(placed(truth, (1.0, 5.0), (1.0, 5.0), (1.0, 5.0)), NOTHING, ANY_BORE).outcome
+    assert found.alignment is None
     assert "farther apart" in found.reason
 
 
 def test_pairs_that_contradict_handedness_turn_what_is_open_and_are_refused_else():
     truth = Alignment(2.0, 0.0, 1.0, mirrored=True)
-    turned = judge(placed(truth, *PLACES), replace(START, theta_shift_rad=2.0), ANY_BORE)
-    assert isinstance(turned.alignment, Alignment)
-    assert turned.alignment.mirrored
+    turned = judge(placed(truth, *PLACES), SearchOutcome(replace(START, theta_shift_rad=2.0)), ANY_BORE)
+    assert isinstance(turned.outcome.alignment, Alignment)
+    assert turned.outcome.alignment.mirrored
     assert turned.said.orientation_by_pairs
     with pytest.raises(EndoctError, match="mirrored in θ, and the recordings that it is not"):
-        judge(placed(truth, *PLACES), replace(START, theta_shift_rad=2.0), BORE)
+        judge(placed(truth, *PLACES), SearchOutcome(replace(START, theta_shift_rad=2.0)), BORE)
 
 
 def test_pairs_in_the_wrong_order_are_refused():
     one, two = placed(START, *PLACES[:2])
     with pytest.raises(EndoctError, match="cannot all be right"):
-        judge([replace(one, a=two.a), replace(two, a=one.a)], START, BORE)
+        judge([replace(one, a=two.a), replace(two, a=one.a)], ALIGNED, BORE)
 
 
 @given(

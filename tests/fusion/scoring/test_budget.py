@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from tolerances import BUDGET, BUDGET_OF_ONE_CAUSE
 
 from endoct.base.numeric.circle import wrap_rad
+from endoct.base.numeric.regions import label_in_order
 from endoct.fusion.geometry.alignment import Alignment, as_covariance
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, Sampling
 from endoct.fusion.result import Budget, NotVisible
 from endoct.fusion.scoring.budget import PARTS, agreement_budget
 from endoct.fusion.scoring.cells import invisible_cells, measure
 from endoct.fusion.scoring.overlap import Surface
-from endoct.fusion.segmentation.regions import label_in_order
 from endoct.stitching.grid import SurfaceGrid
 
 GRID = SurfaceGrid.full_circle(200, 512, z0_mm=0.0, dz_mm=0.04, radius_mm=1.25)

@@ -13,14 +13,12 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation import by_eye
 from endoct.fusion.segmentation.by_eye import (
-    NOT_SURE,
-    TOO_GRAINY,
+    cells_by_eye,
     check_eye,
     expected_jaccard,
     held_against,
-    inputs_for,
-    is_familiar,
     is_sure,
+    view_of,
 )
 from endoct.fusion.segmentation.learned.looking import Probability
 from endoct.fusion.segmentation.learned.network import Eye, save_eye
@@ -42,6 +40,13 @@ def marked_side(noise: float) -> Side:
     return Side("endoscope", Panorama(grid, light, None, np.ones(shape, bool), np.ones(shape), "endoscope", True, True))
 
 
+def seen(side: Side) -> tuple[Segmentation, float]:
+    """Return the cells that our eye sees, and the Jaccard index that it expects."""
+    view = view_of(side, SegmentParameters())
+    assert view is not None
+    return cells_by_eye(view, SegmentParameters())
+
+
 def test_what_is_surely_cell_over_what_may_be() -> None:
     probability = np.array([[0.9, 0.7, 0.2, 0.0, 1.0]], np.float32)
     mask, valid = np.array([[1, 1, 0, 0, 0]], bool), np.array([[1, 1, 1, 1, 0]], bool)
@@ -56,10 +61,13 @@ def test_without_cells_all_is_well() -> None:
 @pytest.mark.parametrize(("noise", "familiar"), [(0.02, True), (0.3, False)])
 def test_a_wall_with_noise_in_every_sample_is_left_to_the_threshold(noise: float, familiar: bool) -> None:
     side = marked_side(noise)
-    assert is_familiar(inputs_for(side, SegmentParameters())) == familiar
+    view = view_of(side, SegmentParameters())
+    assert view is not None
+    assert view.is_familiar == familiar
     found = segment_side(side, SegmentParameters(), "dark")
     assert ("learned eye for endoscope" in found.of) == familiar
-    assert found.of.endswith(TOO_GRAINY) != familiar
+    declined = None if familiar else "the wall is too grainy for the learned eye"
+    assert (found.by, found.eye_declined) == ("eye" if familiar else "rules", declined)
     assert (found.mask & CELL).sum() > 0.8 * CELL.sum()
     off = segment_side(side, SegmentParameters(eye="off"), "dark")
     assert "eye" not in off.of
@@ -70,9 +78,9 @@ def test_who_is_sure_decides(sure: bool, monkeypatch: pytest.MonkeyPatch) -> Non
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "SURE_EXPECTED", 0.0 if sure else 1.1)
     monkeypatch.setattr(by_eye, "LEAST_SHARED", 1.1)
-    assert is_sure(*by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))) == sure
+    assert is_sure(*seen(side)) == sure
     found = segment_side(side, SegmentParameters(), "dark")
-    assert found.of.endswith(NOT_SURE) != sure
+    assert found.eye_declined == (None if sure else "the learned eye is not sure of this wall")
     assert not found.doubts
     assert (found.mask & CELL).sum() > 0.9 * CELL.sum()
 
@@ -112,9 +120,9 @@ def test_a_comparison_refuses_weights_for_neither_side(tmp_path: Path) -> None:
 def test_cells_that_the_eye_is_blind_to_are_left_to_the_threshold(monkeypatch: pytest.MonkeyPatch) -> None:
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_PROBABILITY", 1.1)
-    assert not by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))[0].mask.any()
+    assert not seen(side)[0].mask.any()
     found = segment_side(side, SegmentParameters(), "dark")
-    assert found.of.endswith(NOT_SURE)
+    assert found.eye_declined == "the learned eye is not sure of this wall"
     assert found.mask.any()
 
 
@@ -124,8 +132,8 @@ def test_an_eye_that_expects_little_doubts_its_cells(
 ) -> None:
     side = marked_side(0.02)
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", least)
-    cells, expected = by_eye.cells_by_eye(side, SegmentParameters(), inputs_for(side, SegmentParameters()))
-    assert [doubt.code for doubt in cells.doubts] == [by_eye.UNSURE] * doubted
+    cells, expected = seen(side)
+    assert [doubt.code for doubt in cells.doubts] == ["cells-unsure"] * doubted
     assert all((doubt.value, doubt.expected) == (expected, (least, 1.0)) for doubt in cells.doubts)
 
 
@@ -142,7 +150,8 @@ def test_cells_of_the_eye_stay_where_it_sees_most_of_those_by_rules(shared: int,
     by_eye_, by_rules = row_of_cells(10 - shared, 20), row_of_cells(0, 10)
     kept = held_against(by_eye_, by_rules)
     assert kept.mask is (by_eye_ if stays else by_rules).mask
-    assert kept.of == "its own" + ("" if stays else NOT_SURE)
+    assert kept.of == "its own"
+    assert kept.eye_declined == (None if stays else "the learned eye is not sure of this wall")
     assert not kept.doubts
     none = row_of_cells(0, 0)
     assert held_against(by_eye_, none) is by_eye_, "nothing that it could have missed"
@@ -186,23 +195,25 @@ def test_what_depth_added_and_dropped_is_counted_beyond_the_edges(monkeypatch: p
     panorama = replace(side.panorama, parallax_depth_mm=depth_mm, parallax_error_mm=depth_mm + np.float32(0.02))
     plain = SegmentParameters(open_mm=0, close_mm=0, smallest_mm2=0)
     side = replace(side, panorama=panorama)
-    cells, _ = by_eye.cells_by_eye(side, plain, inputs_for(side, plain))
+    view = view_of(side, plain)
+    assert view is not None
+    cells, _ = cells_by_eye(view, plain)
     assert cells.by_depth is not None
     assert cells.by_depth.known == pytest.approx(0.8)
     assert cells.by_depth.added == pytest.approx(20 * 40 / CELL.size)
     assert cells.by_depth.dropped == pytest.approx(10 * 40 / CELL.size)
     np.testing.assert_array_equal(cells.mask, of_cell > 0.4)
-    assert (
-        by_eye.cells_by_eye(side, plain.model_copy(update={"by_depth": False}), inputs_for(side, plain))[0].by_depth
-        is None
-    )
+    assert cells.by == "eye"
+    flat = view_of(side, plain.model_copy(update={"by_depth": False}))
+    assert flat is not None
+    assert cells_by_eye(flat, plain)[0].by_depth is None
 
 
 @pytest.mark.parametrize(("dz_mm", "has"), [(0.059, True), (0.061, False)])
 def test_samples_too_coarse_for_the_eye_are_not_shown_to_it(dz_mm: float, has: bool) -> None:
     panorama = marked_side(0.02).panorama
     along = replace(panorama, grid=replace(panorama.grid, dz_mm=dz_mm))
-    assert by_eye.has_eye(Side("endoscope", along), SegmentParameters()) is has
+    assert (view_of(Side("endoscope", along), SegmentParameters()) is not None) is has
     around = replace(panorama, grid=replace(panorama.grid, radius_mm=500 * dz_mm / (2 * np.pi)))
-    assert by_eye.has_eye(Side("endoscope", around), SegmentParameters()) is has
-    assert not by_eye.has_eye(Side("endoscope", panorama), SegmentParameters(eye="off"))
+    assert (view_of(Side("endoscope", around), SegmentParameters()) is not None) is has
+    assert view_of(Side("endoscope", panorama), SegmentParameters(eye="off")) is None

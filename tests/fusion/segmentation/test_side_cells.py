@@ -1,6 +1,7 @@
 """Which of two answers stays, the eye's or the threshold's, and why: each put in by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Literal
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation import side_cells
-from endoct.fusion.segmentation.by_eye import NOT_SURE, TOO_GRAINY, UNSURE
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import segment_side
@@ -20,7 +20,7 @@ SHAPE = (6, 16)
 GRID = SurfaceGrid.full_circle(*SHAPE, z0_mm=0.0, dz_mm=0.02, radius_mm=0.05)
 LIGHT = np.linspace(0.1, 1, 96, dtype=np.float32).reshape(SHAPE)
 SIDE = Side("endoscope", Panorama(GRID, LIGHT, None, LIGHT > 0, np.ones(SHAPE), "endoscope", True, True))
-UNSURE_DOUBT = Doubt(UNSURE, "The eye is not sure.")
+UNSURE_DOUBT = Doubt("cells-unsure", "The eye is not sure.")
 SHARE_DOUBT = Doubt("cells-too-many", "Nearly all is cell.")
 
 
@@ -35,11 +35,11 @@ def answer(of: str, *doubts: Doubt, least: float = 0.5) -> Segmentation:
         (0.95, answer("eye", least=0.9), answer("rules", least=0.2), "eye"),  # nobody is asked
         (0.95, answer("eye", SHARE_DOUBT), answer("rules"), "eye"),
         (0.91, answer("eye", least=0.9), answer("rules", least=0.2), "eye"),
-        (0.90, answer("eye", least=0.9), answer("rules", least=0.2), "rules" + NOT_SURE),
-        (0.95, answer("eye", least=1.0), answer("rules"), "rules" + NOT_SURE),  # an eye that finds none may be blind
+        (0.90, answer("eye", least=0.9), answer("rules", least=0.2), "rules, not sure"),
+        (0.95, answer("eye", least=1.0), answer("rules"), "rules, not sure"),  # an eye that finds none may be blind
         (0.60, answer("eye", UNSURE_DOUBT), answer("rules"), "eye"),
         (0.90, answer("eye", least=0.6), answer("rules"), "eye"),  # 80 % of those by rules
-        (0.90, answer("eye", least=0.67), answer("rules"), "rules" + NOT_SURE),  # 66 %
+        (0.90, answer("eye", least=0.67), answer("rules"), "rules, not sure"),  # 66 %
         (0.90, answer("eye", least=0.9), answer("rules", least=1.0), "eye"),  # there are none to find
         (0.90, answer("eye", least=0.6), answer("rules", SHARE_DOUBT, least=0.5), "eye"),
         (0.90, answer("eye", least=0.9), answer("rules", SHARE_DOUBT, least=0.2), "eye"),
@@ -49,12 +49,12 @@ def answer(of: str, *doubts: Doubt, least: float = 0.5) -> Segmentation:
 def test_which_of_two_answers_stays(
     expected: float, of_eye: Segmentation, of_rules: Segmentation, stays: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(side_cells, "has_eye", lambda *_: True)
-    monkeypatch.setattr(side_cells, "is_familiar", lambda _: True)
+    monkeypatch.setattr(side_cells, "view_of", lambda *_: SimpleNamespace(is_familiar=True))
     monkeypatch.setattr(side_cells, "cells_by_eye", lambda *_: (of_eye, expected))
     monkeypatch.setattr(side_cells, "find_cells", lambda *_: of_rules)
     cells = segment_side(SIDE, SegmentParameters(), "dark")
-    assert cells.of == stays
+    declined = "the learned eye is not sure of this wall" if stays == "rules, not sure" else None
+    assert (cells.of, cells.eye_declined) == (stays.removesuffix(", not sure"), declined)
     stated = of_eye if stays == "eye" else of_rules
     assert cells.mask is stated.mask
     codes = [doubt.code for doubt in cells.doubts]
@@ -68,16 +68,18 @@ def test_which_of_two_answers_stays(
     assert codes == [doubt.code for doubt in stated.doubts]
 
 
-@pytest.mark.parametrize(("has_eye", "familiar", "of"), [(False, True, "rules"), (True, False, "rules" + TOO_GRAINY)])
+@pytest.mark.parametrize(
+    ("view", "declined"),
+    [(None, None), (SimpleNamespace(is_familiar=False), "the wall is too grainy for the learned eye")],
+)
 def test_an_eye_that_is_not_asked_says_nothing(
-    has_eye: bool, familiar: bool, of: str, monkeypatch: pytest.MonkeyPatch
+    view: SimpleNamespace | None, declined: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(side_cells, "has_eye", lambda *_: has_eye)
-    monkeypatch.setattr(side_cells, "is_familiar", lambda _: familiar)
+    monkeypatch.setattr(side_cells, "view_of", lambda *_: view)
     monkeypatch.setattr(side_cells, "cells_by_eye", None)
     monkeypatch.setattr(side_cells, "find_cells", lambda *_: answer("rules", SHARE_DOUBT))
     found = segment_side(SIDE, SegmentParameters(), "dark")
-    assert (found.of, found.doubts) == (of, (SHARE_DOUBT,))
+    assert (found.of, found.eye_declined, found.doubts) == ("rules", declined, (SHARE_DOUBT,))
 
 
 def test_only_what_does_not_know_its_cells_says_how_their_brightness_is_known(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import bz2
 import gzip
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from random import Random
@@ -234,6 +235,24 @@ def test_a_detached_header_may_say_that_its_voxels_lie_here(tmp_path: Path, volu
         (lambda text: text.replace("dimension: 3", "dimension: 5"), "does not say|5 dimensions|cannot be read"),
         (lambda text: text.replace("encoding: raw", "encoding: raw\nbyte skip: -2"), "byte skip -2"),
         (lambda text: text.replace("sizes: ", "sizes: 0 "), "cannot be read|no volume|space directions of 4"),
+        (lambda text: text.replace("data file: ct.raw", "data file: ct.%03d.raw 1 9 1"), "its voxels in several files"),
+        (lambda text: text.replace("data file: ct.raw", "data file: LIST"), "its voxels in several files"),
+        (lambda text: text.replace("encoding: raw", "encoding: ascii"), "voxels of type short|of type int16, ascii"),
+        (lambda text: text.replace("type: int16", "type: block"), "voxels of type block, raw"),
+        (lambda text: re.sub("endian: .*\n", "", text), "in which order its bytes are"),
+        (lambda text: re.sub("space directions: .*\n", "", text), "found no space directions"),
+        (lambda text: re.sub("space directions: .*\n", "spacings: 1 1 1\n", text), "found spacings only"),
+        (lambda text: re.sub("space origin: .*\n", "", text), "found no space origin"),
+        (
+            lambda text: text.replace("encoding", 'space units: "mm" "mm" "inch"\nencoding'),
+            "unit of length that is not",
+        ),
+        (lambda text: text.replace("encoding", 'units: "mm" "mm" "um"\nencoding'), "two things of its unit"),
+        (
+            lambda text: re.sub(r"space directions: \S+", "space directions: none", text),
+            "3 dimensions, 2 of them in space",
+        ),
+        (lambda text: re.sub("sizes: [0-9]+ ([0-9]+)", r"sizes: 4000 \1", text), "ct.raw is cut off"),
     ],
 )
 def test_an_nrrd_whose_header_cannot_be_is_refused(
@@ -256,6 +275,10 @@ def test_an_nrrd_of_several_numbers_a_voxel_or_one_label_twice_is_refused(tmp_pa
     assert "layers of float64" in refusal(
         _nrrd(tmp_path / "c.seg.nrrd", volume, volume.voxels.astype(np.float64).transpose(), **named)
     )
+    for key, value in (("LabelValue", "x"), ("Layer", "1")):
+        assert "which voxels are segment 1" in refusal(
+            _nrrd(tmp_path / "d.seg.nrrd", volume, **(named | {f"Segment1_{key}": value}))
+        )
 
 
 @pytest.mark.parametrize(
@@ -269,6 +292,16 @@ def test_an_nrrd_of_several_numbers_a_voxel_or_one_label_twice_is_refused(tmp_pa
         (("NDims = 3", "NDims = three"), "ndims = three; expected a whole number"),
         (("BinaryData = True", "BinaryData = maybe"), "binarydata = maybe"),
         (("ElementDataFile = ct.raw\n", ""), "a header without ElementDataFile"),
+        (("NDims = 3", "NDims = 999"), "999 dimensions"),
+        (("ObjectType = Image", "ObjectType = Tube"), "is no volume"),
+        (("ObjectType = Image", "ObjectType = Image\nDistanceUnits = inch"), "DistanceUnits = inch"),
+        (("ElementSpacing = 1 1 1", "ElementSpacing = 1 1 0"), "voxels without a size"),
+        (("ElementSpacing = 1 1 1", "ElementSpacing = 1 1"), "elementspacing = 1 1; expected 3 numbers"),
+        (("TransformMatrix = 1", "TransformMatrix = 2"), "directions that are not of length 1"),
+        (("Offset =", "Origin = 0 0 0\nOffset ="), "offset and origin; expected one of"),
+        (("Offset =", "Place ="), "no offset or position or origin"),
+        (("ct.raw", "LIST"), "its voxels in several files"),
+        (("ct.raw", "ct%03d.raw 1 9 1"), "its voxels in several files"),
     ],
 )
 def test_a_metaimage_whose_header_cannot_be_is_refused(
@@ -280,6 +313,12 @@ def test_a_metaimage_whose_header_cannot_be_is_refused(
     assert change[0] in text
     path.write_text(text.replace(*change).rstrip("\n"))
     assert said in refusal(path)
+
+
+def test_a_metaimage_of_several_numbers_a_voxel_is_refused(tmp_path: Path, volume: Drawn) -> None:
+    two = sitk.GetImageFromArray(np.stack([volume.voxels] * 2, axis=-1), isVector=True)
+    sitk.WriteImage(two, str(tmp_path / "ct.mha"))
+    assert "found several numbers a voxel" in refusal(tmp_path / "ct.mha")
 
 
 def test_a_nifti_of_colours_of_times_or_with_forms_apart_is_refused(tmp_path: Path, volume: Drawn) -> None:

@@ -1,5 +1,7 @@
 """What labels stand for: the names of the file, of a table next to it or named; nothing is guessed."""
 
+import csv
+import re
 from pathlib import Path
 from random import Random
 
@@ -149,10 +151,43 @@ def test_many_values_are_no_labels(volume: Drawn) -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["", "1 2 3", "hello\n", "1 a 1 2 3\n1 b 1 2 3\n", "99999999 a 1 2 3\n", "LabelValue,Name\nx,y\n", "-1 a 1 2 3"],
+    ("text", "said"),
+    [
+        ("", "found 0 names"),
+        ("# only a comment\n", "found 0 names"),
+        ("1 2 3", "the line '1 2 3'"),
+        ("hello\n", "the line 'hello'"),
+        ("1 a 1 2 3\n1 b 1 2 3\n", "names a label twice; found 1: 'a' and 'b'"),
+        ("65536 a 1 2 3\n", "a label '65536'"),
+        ("-1 a 1 2 3", "a label '-1'"),
+        ("\ufefflabel", "the line 'label'"),
+    ],
 )
-def test_what_is_no_table_is_refused(tmp_path: Path, text: str) -> None:
-    (tmp_path / "a.ctbl").write_text(text)
-    with pytest.raises(EndoctError):
+def test_what_is_no_table_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.ctbl").write_text(text, encoding="utf-8")
+    with pytest.raises(EndoctError, match=re.escape(said)):
+        read_label_names(tmp_path / "a.ctbl")
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ([("1", "bone", "1"), ("2",)], "a row of 1 fields"),
+        ([("x", "bone", "1")], "a label 'x'"),
+        ([("1", "bone", "1"), ("1", "air", "1")], "names a label twice"),
+    ],
+)
+def test_a_table_of_3d_slicer_that_is_damaged_is_refused(
+    tmp_path: Path, rows: list[tuple[str, ...]], said: str
+) -> None:
+    with (tmp_path / "a.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([("LabelValue", "Name", "Color_R"), *rows])
+    with pytest.raises(EndoctError, match=said):
+        read_label_names(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("data", [b"1 \x81 1 2 3", "1 bone 1 2 3".encode("utf-16")[:-1]])
+def test_bytes_that_are_no_text_are_no_table(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "a.ctbl").write_bytes(data)
+    with pytest.raises(EndoctError, match="found no text"):
         read_label_names(tmp_path / "a.ctbl")

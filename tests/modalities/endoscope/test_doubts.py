@@ -17,7 +17,7 @@ from endoct.modalities.endoscope.frames import brightness_of_rows
 from endoct.modalities.endoscope.mirror.ring_search import ROUND, Roundness
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 
 SOUND = RingEvidence(
     apart=0.01,

@@ -11,7 +11,7 @@ from tolerances import ON_DEVICE_LIGHT_REL
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.plugin import ENDOSCOPE, EndoscopeModality
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 
 ON_TORCH = EndoscopeModality().on_device("cpu")
 Surveyed = tuple[FrameStream, EndoscopeCalibration]

@@ -23,7 +23,7 @@ from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.manifest import MANIFEST
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.blend import blend
 
 N_SHORT = 7

@@ -15,7 +15,7 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope import flatfield, motion
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
 from endoct.modalities.endoscope.survey import survey_frames
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.motion import matching
 from endoct.stitching.motion.feed import Feed, estimate_feed
 

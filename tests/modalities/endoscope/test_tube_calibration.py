@@ -15,7 +15,7 @@ from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.modalities.endoscope.tube_calibration import RIM_PX, ROLLING_RAD, WANDER_MM, _Fitted, _measurement
 from endoct.modalities.endoscope.tube_fit import ANGLE, DISTANT, DISTORTED, FOCAL, N_PARAMETERS, RADIUS, TubeModel
 from endoct.modalities.endoscope.tube_marks import AXIAL, HELICAL, Darkness, Marks
-from endoct.modalities.tube.fitting import Fit
+from endoct.modalities.tube.fitting import TubeFit
 from endoct.modalities.tube.measurement import Measurement
 
 RIMS = 60.0, 180.0
@@ -38,7 +38,7 @@ def fitted(sigmas: dict[int, float], *, sign: int = 1, apex_mm: Coordinates = AP
     sigma = np.zeros(N_PARAMETERS)
     sigma[list(sigmas)] = list(sigmas.values())
     model = TubeModel(MARKS, TARGET, sign, 1, RIMS)
-    return _Fitted(model, Fit(values, np.diag(sigma**2), np.ones(6, bool), RESIDUAL_MM), apex_mm, TURN_RAD)
+    return _Fitted(model, TubeFit(values, np.diag(sigma**2), np.ones(6, bool), RESIDUAL_MM), apex_mm, TURN_RAD)
 
 
 def measured(sigmas: dict[int, float] | None = None, **changes: Any) -> Measurement:

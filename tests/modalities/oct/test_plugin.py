@@ -16,7 +16,7 @@ from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.undistort import beam_angles_rad
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.panorama import Panorama
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom, unroll

@@ -13,7 +13,7 @@ from tolerances import TUBE_SCALE_REL
 from endoct.base.arrays import Image
 from endoct.modalities.oct.tube_fit import PITCH, SCALE, THETA, TubeModel, Z, half_rise_px
 from endoct.modalities.oct.tube_marks import HELICAL, Beams, find_marks
-from endoct.modalities.tube.locating import Pose
+from endoct.modalities.tube.locating import TubePose
 
 FACE_MM, N_SLICES, N_BEAMS, DEPTH_MM = 0.85, 30, 600, 0.005
 PIXEL, STEP = 1.02, 0.99
@@ -47,7 +47,7 @@ def beams(rng: np.random.Generator, sense: int) -> Beams:
 @pytest.mark.parametrize("sense", [1, -1])
 def test_scales_come_back(sense: int) -> None:
     recorded = beams(np.random.default_rng(sense + 5), sense)
-    pose = Pose(1.93, 1.0, 1, 0.42, sense, 0.9)
+    pose = TubePose(1.93, 1.0, 1, 0.42, sense, 0.9)
     for _ in range(2):
         model = TubeModel(recorded, find_marks(recorded, pose, TUBE), TUBE, pose)
         fit = model.fit(capillary_sigma_mm=0.0005)
@@ -67,7 +67,7 @@ def test_noise_alone_does_not_shrink_the_scale() -> None:
 
     One draw of 20 µm moves the scale by 0.4 % either way; the mean of three hardly.
     """
-    pose, shrunk = Pose(1.9, STEP, 1, 0.4, 1, 0.9), []
+    pose, shrunk = TubePose(1.9, STEP, 1, 0.4, 1, 0.9), []
     for seed in range(3):
         quiet = beams(np.random.default_rng(8 + 10 * seed), 1)
         noise = 0.02 * np.random.default_rng(9 + seed).standard_normal(quiet.gap_mm.shape)

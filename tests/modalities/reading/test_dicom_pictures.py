@@ -201,6 +201,22 @@ def test_times_are_those_of_frames_or_of_the_cine(tmp_path: Path) -> None:
         open_stack(path)
 
 
+@pytest.mark.parametrize(
+    ("pointer", "rate_hz", "uneven"), [(None, 25.0, True), (0x0018_1065, 25.0, True), (0x0018_1063, 50.0, False)]
+)
+def test_of_two_times_the_one_that_is_pointed_at_counts(
+    pointer: int | None, rate_hz: float, uneven: bool, tmp_path: Path
+) -> None:
+    one = captured(COLOUR, "RGB", FrameTimeVector=[0, 40, 40, 120], FrameTime=20.0)
+    if pointer is not None:
+        one.FrameIncrementPointer = pointer
+    path = write(one, tmp_path / "a.dcm")
+    stack = open_stack(path)
+    assert stated_by(path).keys["frame_rate_hz"] == rate_hz
+    assert (stack.along is not None) == uneven
+    assert [doubt.code for doubt in stack.remarks.doubts] == ["frame-rate-against-cine"] * uneven
+
+
 def test_pictures_of_a_file_each_are_one_recording_of_an_endoscope(tmp_path: Path) -> None:
     for k, number in enumerate((2, 1, 4, 3)):
         one = captured(COLOUR[k : k + 1], "RGB", ENDOSCOPE, InstanceNumber=number)

@@ -16,7 +16,8 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import open_recording
+from endoct.modalities.registry import manifest_for
 
 BSCANS = np.random.default_rng(3).integers(1, 60_000, (5, 48, 40), dtype=np.uint16)
 """(frame, A-scan, depth)."""

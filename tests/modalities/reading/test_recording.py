@@ -10,7 +10,7 @@ import pytest
 import tifffile
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.reading.recording import image_files, open_stack
+from endoct.modalities.reading.recording import open_stack
 
 STACK = np.random.default_rng(5).integers(0, 65536, (5, 24, 32), dtype=np.uint16)
 COLOUR = np.random.default_rng(6).integers(0, 256, (3, 24, 32, 3), dtype=np.uint8)
@@ -120,9 +120,13 @@ def test_a_single_image_is_a_stack_of_one(tmp_path: Path) -> None:
 
 
 def test_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
-    for name in ("f10.png", "f9.png", "F2.PNG", ".f1.png", "f1.txt"):
-        (tmp_path / name).touch()
-    assert [path.name for path in image_files(tmp_path)] == ["F2.PNG", "f9.png", "f10.png"]
+    for k, name in enumerate(("f10.png", "f9.png", "F2.PNG", ".f1.png", "f1.txt.png")):
+        cv2.imwrite(str(tmp_path / name), STACK[k % 3])
+    (tmp_path / "f1.txt.png").rename(tmp_path / "f1.txt")
+    stack = open_stack(tmp_path)
+    for k, index in enumerate((2, 1, 0)):
+        np.testing.assert_array_equal(stack[k], STACK[index])
+    assert len(stack) == 3
 
 
 @pytest.mark.parametrize("write", WRITERS.values(), ids=WRITERS.keys())
@@ -147,7 +151,7 @@ def test_broken_files_say_their_one_line_only(tmp_path: Path, capfd: pytest.Capt
     for name, write in {"a": tiff(compression="zlib"), "b": images(".png"), "c": tiff(imagej=True)}.items():
         (tmp_path / name).mkdir()
         path = write(tmp_path / name)
-        file = path if path.is_file() else image_files(path)[-1]
+        file = path if path.is_file() else max(path.glob("*.png"))
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
         refused(path)
     assert capfd.readouterr() == ("", "")

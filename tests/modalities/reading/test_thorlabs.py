@@ -280,6 +280,25 @@ def test_repeats_of_a_place_are_said_also_where_the_header_hides_them(tmp_path: 
     assert (doubt.code, doubt.value, doubt.expected) == ("thorlabs-averaging", 2.0, 1.0)
 
 
+@pytest.mark.parametrize("raw", [True, False])
+def test_a_negative_width_says_that_all_bscans_are_of_one_place(raw: bool, tmp_path: Path) -> None:
+    for width_mm, read in ((-1.0, 1), (0.0, SLICES), (3.0, SLICES)):
+        sizes = {"range_mm": (0.64, 10.0, width_mm)}
+        made = raw_file(SPECTRA, CHIRP, averaged={"SlowAxis": 1}, **sizes) if raw else intensity(**sizes)
+        path = made.write(tmp_path / "scan.oct")
+        recording = open_recording((path,))
+        assert len(recording.bscans) == read
+        assert recording.first.n_ascans == ASCANS
+        assert any("Of 5 B-scans at every place" in note for note in recording.remarks.notes) == (read == 1)
+        assert codes(path) == []
+
+
+def test_spectra_that_are_missing_in_between_are_refused(tmp_path: Path) -> None:
+    made = raw_file(SPECTRA, CHIRP)
+    del made.members[2:4]
+    assert "is incomplete; found no spectra between 1 and 4" in refused(made.write(tmp_path / "scan.oct"))
+
+
 def test_averaged_ascans_are_read_singly(tmp_path: Path) -> None:
     made = raw_file(SPECTRA, CHIRP, averaged={"AScans": 2})
     made.size = (DEPTH, ASCANS // 2, SLICES)

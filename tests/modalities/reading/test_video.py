@@ -17,7 +17,8 @@ import pytest
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import open_recording
+from endoct.modalities.registry import manifest_for
 
 N = 30
 ROWS, COLUMNS = np.mgrid[:64, :96]

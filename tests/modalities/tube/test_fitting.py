@@ -5,13 +5,13 @@ import pytest
 from tolerances import TUBE_SIGMA_REL
 
 from endoct.base.errors import NotSeen
-from endoct.modalities.tube.fitting import Fit, fit_model
+from endoct.modalities.tube.fitting import TubeFit, fit_model
 
 X = np.linspace(-1, 1, 240)
 PLACE = np.repeat(np.arange(40), 6)
 
 
-def line(rng: np.random.Generator, common_mm: float, sigma: tuple[float, float] = (np.inf, np.inf)) -> Fit:
+def line(rng: np.random.Generator, common_mm: float, sigma: tuple[float, float] = (np.inf, np.inf)) -> TubeFit:
     truth = 0.02 + 0.03 * X
     noise = 0.005 * rng.standard_normal(X.size) + common_mm * rng.standard_normal(40)[PLACE]
     noise[::60] += 0.3  # what is no mark

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
+import tomlkit
 from printed_tube import TUBE
 
 from endoct.base.errors import EndoctError
@@ -44,14 +44,14 @@ def test_helix_goes_once_around_in_its_lead() -> None:
 )
 def test_tubes_that_cannot_be_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
     path = tmp_path / "tube.toml"
-    path.write_text(tomli_w.dumps({**TUBE.model_dump(mode="json"), **change}))
+    path.write_text(tomlkit.dumps({**TUBE.model_dump(mode="json"), **change}))
     with pytest.raises(EndoctError, match=said):
         read_target(path)
 
 
 def test_a_tube_comes_back_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "tube.toml"
-    path.write_text(tomli_w.dumps(TUBE.model_dump(mode="json")))
+    path.write_text(tomlkit.dumps(TUBE.model_dump(mode="json")))
     assert read_target(path) == TUBE
 
 

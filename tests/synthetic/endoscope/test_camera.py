@@ -10,7 +10,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import compressed, displayed, noise_free, noisy, pixel_maps, render_frame
-from endoct.synthetic.endoscope.cone import cone_of, focal_length_px
+from endoct.synthetic.endoscope.cone import FrameView, cone_of, focal_length_px
 from endoct.synthetic.endoscope.lighting import light, lighting_of, lit_frame
 from endoct.synthetic.endoscope.sight import View, follow, view
 from endoct.synthetic.sample.parameters import Debris, Droplet, Sample, Speck
@@ -73,10 +73,10 @@ def wall_of(relief_mm: float = 0.0, wet: float = 0.0, slope_z: float = 0.0) -> W
 
 
 def seen_light(sample: Sample, wall: Wall) -> tuple[View, Image]:
-    camera = sample.endoscope
-    seen = view(camera, 0)
-    reached, lit = lit_frame(sample, wall, lighting_of(sample, wall), 0)
-    return seen, light(sample, 0, lit, seen, follow(reached, camera, 0, seen)).T
+    frame = FrameView.of(sample.endoscope, 0, wall.radius_mm)
+    seen = view(frame)
+    reached, lit = lit_frame(frame, wall, lighting_of(sample, wall))
+    return seen, light(frame, lit, seen, follow(reached, frame, seen)).T
 
 
 def tan_psi(sample: Sample, r_px: Coordinates) -> Coordinates:

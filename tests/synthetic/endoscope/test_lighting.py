@@ -7,6 +7,7 @@ from endoct.base.arrays import Image
 from endoct.synthetic.bone.wall import WallMaps, build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import noise_free
+from endoct.synthetic.endoscope.cone import FrameView
 from endoct.synthetic.endoscope.facets import RAYS, facets_of
 from endoct.synthetic.endoscope.irradiance import EVERY_COLUMN, shade_of
 from endoct.synthetic.endoscope.lighting import lighting_of
@@ -65,6 +66,6 @@ def test_the_gain_saturates_the_share_of_the_annulus_that_a_person_lets(saturate
     for index in range(3):
         frame = noise_free(sample, wall, lighting, index)
         brightest = frame.reshape(*frame.shape[:2], -1).max(axis=2)
-        seen.append(brightest.ravel()[view(sample.endoscope, index).pixel])
+        seen.append(brightest.ravel()[view(FrameView.of(sample.endoscope, index, wall.radius_mm)).pixel])
     # defocus takes the tops of fine highlights
     assert np.mean(np.concatenate(seen) == 255) == pytest.approx(saturated, rel=0.6)

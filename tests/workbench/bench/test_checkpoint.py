@@ -12,10 +12,9 @@ from bench_tasks import DOUBLING, install
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench import checkpoint
 from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
-from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.command import run_bench
 from endoct.workbench.bench.runner import Plan
 from endoct.workbench.bench.task import AnyTask, Case, Range, Task, draw, load_task
-from endoct.workbench.running.progress import SilentStages
 
 
 class Squaring:
@@ -50,8 +49,7 @@ def squaring(monkeypatch: pytest.MonkeyPatch) -> Squaring:
 
 
 def bench(output: Path, seeds: str = "3-6", conditions: Sequence[str] = (), *, overwrite: bool = False) -> Facts:
-    request = Request("squaring", conditions, seeds=seeds)
-    return run_bench(request, output=output, overwrite=overwrite, stages=SilentStages())[0]
+    return run_bench("squaring", conditions, seeds=seeds, output=output, overwrite=overwrite, progress=False)[0]
 
 
 def rows_of(output: Path) -> list[dict[str, str]]:

@@ -10,15 +10,15 @@ from rich.table import Table
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.checkpoint import Facts
-from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.command import run_bench
 from endoct.workbench.bench.task import AnyTask
 from endoct.workbench.cli import main
-from endoct.workbench.running.progress import SilentStages
 
 
 def bench(output: Path | None = None, methods: Sequence[str] = (), against: str | None = None, count: int = 2) -> Facts:
-    request = Request("doubling", methods=methods, seeds="3-6", count=count, against=against)
-    return run_bench(request, output=output, stages=SilentStages())[0]
+    return run_bench(
+        "doubling", methods=methods, seeds="3-6", count=count, against=against, output=output, progress=False
+    )[0]
 
 
 def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None:
@@ -45,8 +45,7 @@ def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None
 
 
 def test_a_method_that_is_not_installed_is_left_out_and_said(doubling: AnyTask) -> None:
-    request = Request("doubling", methods=["right", "absent"], seeds="3-6")
-    facts, lines = run_bench(request, stages=SilentStages())
+    facts, lines = run_bench("doubling", methods=["right", "absent"], seeds="3-6", progress=False)
     assert facts["left_out"] == {"absent": "a_library_that_is_not_installed is not installed"}
     assert [one["method"] for one in facts["summary"]] == ["right"]
     table = lines[0]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tomli_w
+import tomlkit
 from matplotlib.figure import Figure
 from printed_tube import TUBE
 
@@ -21,7 +21,7 @@ from endoct.workbench.cli import main
 @pytest.fixture
 def tube_file(tmp_path: Path) -> Path:
     path = tmp_path / "tube.toml"
-    path.write_text(tomli_w.dumps(TUBE.model_dump(mode="json")))
+    path.write_text(tomlkit.dumps(TUBE.model_dump(mode="json")))
     return path
 
 
@@ -29,7 +29,7 @@ def stated_bore(recording: Path, tmp_path: Path, tube_file: Path) -> Path:
     """The tube's file with the bore that a recording's sidecar states."""
     stated = tomllib.loads((recording / "acquisition.toml").read_text())["bore_diameter_mm"]
     path = tmp_path / "same-bore.toml"
-    path.write_text(tomli_w.dumps({**tomllib.loads(tube_file.read_text()), "bore_diameter_mm": stated}))
+    path.write_text(tomlkit.dumps({**tomllib.loads(tube_file.read_text()), "bore_diameter_mm": stated}))
     return path
 
 
@@ -50,7 +50,7 @@ def test_another_diameter_is_refused_in_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     wide = tmp_path / "wide.toml"
-    wide.write_text(tomli_w.dumps({**tomllib.loads(tube_file.read_text()), "bore_diameter_mm": 3.0}))
+    wide.write_text(tomlkit.dumps({**tomllib.loads(tube_file.read_text()), "bore_diameter_mm": 3.0}))
     output = tmp_path / "calibration.toml"
     command = ["endoct", "calibrate", "oct", str(quick_specimen / "oct"), "--target", str(wide), "-o", str(output)]
     monkeypatch.setattr("sys.argv", command)
@@ -85,7 +85,7 @@ def test_a_simulated_tube_is_measured(tmp_path: Path) -> None:
         # the file is one that sidecars can cite
         sidecar = specimen / modality / "acquisition.toml"
         keys = {k: v for k, v in tomllib.loads(sidecar.read_text()).items() if k not in written}
-        sidecar.write_text(tomli_w.dumps(keys | {"calibration": "calibration.toml"}))
+        sidecar.write_text(tomlkit.dumps(keys | {"calibration": "calibration.toml"}))
         (specimen / modality / "calibration.toml").write_text(output.read_text())
         again = calibrate(
             modality, specimen / modality, target=specimen / "tube.toml", output=tmp_path / f"{modality}2.toml"

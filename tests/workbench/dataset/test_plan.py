@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
-from endoct.workbench.pipeline.settings import parse_vary, ranges_text
+from endoct.workbench.settings import parse_vary, ranges_text
 
 
 def plans(**fixed: object) -> st.SearchStrategy[Plan]:

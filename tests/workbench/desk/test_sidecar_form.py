@@ -172,7 +172,7 @@ def test_a_table_is_one_line_and_stays_as_it_is(endoscope: Path):
     form = sidecar_form(endoscope)
     text = next(field["value"] for field in form.to_json()["fields"] if field["key"] == "standard_errors")
     assert text == "{bore_diameter_mm = 0.1, feed_pitch_mm = 0.01}"
-    assert form.drafted({"standard_errors": text})["standard_errors"] == form.keys["standard_errors"]
+    assert form.drafted({"standard_errors": text})["standard_errors"] == form.recognised.own["standard_errors"]
     form.save({"travel": "in"}, form.digest)
     saved = sidecar.read_bytes().decode()
     assert table in saved

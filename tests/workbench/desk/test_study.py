@@ -14,9 +14,11 @@ import pytest
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
+from endoct.modalities.recognition import recognise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study, inputs_in, picture_of
+from endoct.workbench.desk.study import Study, inputs_in
+from endoct.workbench.pipeline.information import picture_of
 from endoct.workbench.pipeline.unread import Unread
 
 
@@ -96,7 +98,7 @@ def test_what_a_changed_sidecar_says_is_seen(study: Path):
 
 
 def test_a_recording_has_a_picture(study: Path):
-    assert picture_of(study / "bore-1" / "endoscope").startswith(b"\x89PNG")
+    assert picture_of(recognise(study / "bore-1" / "endoscope")).startswith(b"\x89PNG")
 
 
 def test_the_state_is_its_users_alone(tmp_path: Path):

@@ -18,7 +18,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.page import plane as plane_module
 from endoct.workbench.page.layers import wall_of
 from endoct.workbench.page.plane import Plane, thinning
-from endoct.workbench.page.wall import Pixels, Tile, Wall, pixels_of, placing_of
+from endoct.workbench.page.wall import Pixels, Tile, TileWall, pixels_of, placing_of
 
 Make = Callable[..., Plane]
 
@@ -44,7 +44,7 @@ def make(tmp_path_factory: pytest.TempPathFactory) -> Make:
     return made
 
 
-def whole(wall: Wall, level: int) -> Pixels:
+def whole(wall: TileWall, level: int) -> Pixels:
     return Pixels((0, wall.height_px(level)), (0, wall.width_px(level)))
 
 
@@ -109,7 +109,7 @@ def test_a_sample_is_read_where_it_is_drawn(make: Make, mirrored: bool, z_revers
     where = Alignment(2.345, 0.7, z_scale=1.1, mirrored=mirrored, z_reversed=z_reversed)
     plane = make(grid, values, where=where)
     rng = np.random.default_rng(3)
-    wall = Wall(1.25, -0.2, 1.6)
+    wall = TileWall(1.25, -0.2, 1.6)
     pixels = whole(wall, 0)
     shown = plane.means(wall, 0, pixels)
     for y, x in rng.integers(0, pixels.shape, (200, 2)):

@@ -14,7 +14,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.page.layers import MOST_SAMPLES, relief_bytes, wall_of
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.plane import Plane
-from endoct.workbench.page.wall import Wall, placing_of
+from endoct.workbench.page.wall import TileWall, placing_of
 
 GRID = SurfaceGrid.full_circle(5, 512, z0_mm=1.0, dz_mm=0.2, radius_mm=1.25)
 
@@ -28,7 +28,7 @@ def read(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     return z_mm, np.where(codes == 0, np.nan, low + (codes - 1.0) / 65_534 * (high - low))
 
 
-def plane_of(folder: Path, values: np.ndarray, where: Alignment | None = None) -> tuple[Plane, Wall]:
+def plane_of(folder: Path, values: np.ndarray, where: Alignment | None = None) -> tuple[Plane, TileWall]:
     arrays = {"depth_mm": Named(("z", "theta"), values.astype(np.float32), {}, values.shape)}
     write_arrays(folder / "relief.zarr", arrays, {})
     placing = placing_of(GRID, where)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.page.wall import FINEST_LEVEL, TILE_PX, NoSuchTile, Tile, Wall, pixels_of
+from endoct.workbench.page.wall import FINEST_LEVEL, TILE_PX, NoSuchTile, Tile, TileWall, pixels_of
 
-TURN = Wall(radius_mm=256 / (2 * math.pi), top_mm=-10.0, bottom_mm=590.0)  # 1 mm is a pixel of level 0
+TURN = TileWall(radius_mm=256 / (2 * math.pi), top_mm=-10.0, bottom_mm=590.0)  # 1 mm is a pixel of level 0
 
 
 def test_a_circle_is_a_whole_number_of_tiles_wide():
@@ -39,11 +39,11 @@ def test_a_tile_that_is_not_there_is_refused(tile: Tile):
 @pytest.mark.parametrize("part", [(0.0, 0.0, 1.0), (1.0, 2.0, 2.0), (1.0, 0.0, 1e9), (1.0, 0.0, math.nan)])
 def test_a_wall_without_extent_is_refused(part: tuple[float, float, float]):
     with pytest.raises(EndoctError, match="a wall cannot be shown"):
-        Wall(*part)
+        TileWall(*part)
 
 
 def test_the_finest_level_shows_every_sample():
-    wall = Wall(1.25, 0.0, 60.0)
+    wall = TileWall(1.25, 0.0, 60.0)
     assert wall.level_for(wall.circumference_mm / 2048) == 3
     assert wall.level_for(wall.circumference_mm / 2049) == 4
     assert wall.level_for(wall.circumference_mm / 14_000) == 6
@@ -57,7 +57,7 @@ def test_the_finest_level_shows_every_sample():
     level=st.integers(0, 3),
 )
 def test_the_tiles_of_a_level_hold_each_of_its_pixels_once(radius_mm: float, length_mm: float, level: int):
-    wall = Wall(radius_mm, 0.0, length_mm)
+    wall = TileWall(radius_mm, 0.0, length_mm)
     height = wall.height_px(level)
     assert wall.pixel_mm(level) * height >= length_mm * (1 - 1e-9)
     assert wall.pixel_mm(level) * (height - 1) < length_mm

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.fuzz.dicom_writer import ivoct, write
 from endoct.modalities.reading.recording import open_stack
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
 

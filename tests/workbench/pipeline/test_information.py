@@ -16,7 +16,8 @@ from benchmarks.frame_faults.videos import write_video
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import Trajectory, write_line
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import open_recording, recognise
+from endoct.modalities.registry import manifest_for
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
@@ -39,44 +40,44 @@ def test_a_damaged_comparison_is_one_line(text: str, tmp_path: Path) -> None:
 
 
 def test_a_template_is_laid_out_anew_with_the_keys_it_has(tmp_path: Path) -> None:
-    sidecar, missing = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar, missing = write_sidecar_template(recognise(frames(tmp_path / "endo"), "endoscope"), overwrite=False)
     assert "bore_diameter_mm" in missing
     sidecar.write_text(sidecar.read_text().replace("# bore_diameter_mm = ", "bore_diameter_mm = 2.5"))
     with pytest.raises(EndoctError, match="exists already"):
-        write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=False)
-    _, missing = write_sidecar_template(tmp_path / "endo", None, overwrite=True)
+        write_sidecar_template(recognise(tmp_path / "endo", "endoscope"), overwrite=False)
+    _, missing = write_sidecar_template(recognise(tmp_path / "endo"), overwrite=True)
     assert list(missing.values()) == ["the scale along the bore"]  # which one of several keys would give
     sidecar.write_text(sidecar.read_text().replace("# visible_length_mm = ", "visible_length_mm = 1.0"))
-    _, missing = write_sidecar_template(tmp_path / "endo", None, overwrite=True)
+    _, missing = write_sidecar_template(recognise(tmp_path / "endo"), overwrite=True)
     assert not missing
     assert "\nbore_diameter_mm = 2.5\n" in sidecar.read_text()
 
 
 @pytest.mark.parametrize("mine", ["# measured twice\n", "travel = 'in'  # I saw it\n"])
 def test_comments_of_the_user_are_not_overwritten(mine: str, tmp_path: Path) -> None:
-    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(frames(tmp_path / "endo"), "endoscope"), overwrite=False)
     sidecar.write_text(sidecar.read_text() + mine)
     before = sidecar.read_text()
     with pytest.raises(EndoctError, match="was not written by endoct, or changed since"):
-        write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
+        write_sidecar_template(recognise(tmp_path / "endo", "endoscope"), overwrite=True)
     assert sidecar.read_text() == before
 
 
 @pytest.mark.parametrize("mine", ["feed_pich_mm = 0.2\n", "theta_origin_rad = nan\n"])
 def test_a_value_that_would_be_lost_stops_it(mine: str, tmp_path: Path) -> None:
-    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(frames(tmp_path / "endo"), "endoscope"), overwrite=False)
     sidecar.write_text(sidecar.read_text() + mine)
     before = sidecar.read_text()
     with pytest.raises(EndoctError):
-        write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
+        write_sidecar_template(recognise(tmp_path / "endo", "endoscope"), overwrite=True)
     assert sidecar.read_text() == before
 
 
 def test_keys_of_a_calibration_stay_there(tmp_path: Path) -> None:
-    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(frames(tmp_path / "endo"), "endoscope"), overwrite=False)
     (tmp_path / "endo" / "😀.toml").write_text("bore_diameter_mm = 2.5\n", encoding="utf-8")
     sidecar.write_text(sidecar.read_text(encoding="utf-8") + 'calibration = "😀.toml"\n', encoding="utf-8")
-    write_sidecar_template(tmp_path / "endo", "endoscope", overwrite=True)
+    write_sidecar_template(recognise(tmp_path / "endo", "endoscope"), overwrite=True)
     text = sidecar.read_text(encoding="utf-8")
     assert '\ncalibration = "😀.toml"\n' in text
     assert "\nbore_diameter_mm = 2.5" not in text
@@ -84,17 +85,17 @@ def test_keys_of_a_calibration_stay_there(tmp_path: Path) -> None:
 
 def test_a_table_of_the_sidecar_is_kept(tmp_path: Path) -> None:
     np.save(tmp_path / "pullback.npy", np.zeros((3, 100, 100), np.uint8))
-    sidecar, _ = write_sidecar_template(tmp_path, "oct", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(tmp_path, "oct"), overwrite=False)
     assert "# spectra = { file = …, samples = …, chirp = … }" in sidecar.read_text(encoding="utf-8")
     table = '{ file = "a.bin", samples = 1024, ascans = 500, chirp = "even", dispersion_rad = [1.5, 2] }'
     with sidecar.open("a", encoding="utf-8") as file:
         file.write(f"spectra = {table}\n")
-    write_sidecar_template(tmp_path, "oct", overwrite=True)
+    write_sidecar_template(recognise(tmp_path, "oct"), overwrite=True)
     assert f"\nspectra = {table}\n" in sidecar.read_text(encoding="utf-8")
 
 
 def test_a_template_says_where_one_of_several_keys_is_needed(tmp_path: Path) -> None:
-    sidecar, _ = write_sidecar_template(frames(tmp_path / "endo"), "endoscope", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(frames(tmp_path / "endo"), "endoscope"), overwrite=False)
     about = {line.partition(" =")[0]: before for before, line in pairwise(sidecar.read_text().splitlines())}
     assert "or another key that gives the scale along the bore" in about["# feed_pitch_mm"]
     assert "another key" not in about["# outer_rim"]
@@ -114,12 +115,12 @@ def test_a_video_states_its_rate_and_is_not_asked_for_it(tmp_path: Path) -> None
     assert facts["stated"] == {"by": "the time stamps of r.mkv", "frame_rate_hz": 25.0}
     lines = facts["lines"]
     assert not any("frame_rate_hz =" in line for line in lines)
-    sidecar, _ = write_sidecar_template(folder, "endoscope", overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(folder, "endoscope"), overwrite=False)
     text = sidecar.read_text(encoding="utf-8")
     assert "\n# frame_rate_hz = 25.0  # by the time stamps of r.mkv\n" in text
     assert tomllib.loads(text) == {"modality": "endoscope"}
     sidecar.write_text(text.replace("# feed_speed_mm_s = ", "feed_speed_mm_s = 5.0"), encoding="utf-8")
-    _, missing = write_sidecar_template(folder, None, overwrite=True)
+    _, missing = write_sidecar_template(recognise(folder), overwrite=True)
     assert list(missing) == ["bore_diameter_mm"]
 
 
@@ -208,7 +209,7 @@ def test_what_is_missing_is_what_unrolling_lacks(quick_specimen: Path, tmp_path:
 
 def test_an_unfilled_sidecar_is_to_be_filled_in_not_written_again(quick_specimen: Path, tmp_path: Path) -> None:
     path = recorded(quick_specimen, "oct", tmp_path)
-    sidecar, _ = write_sidecar_template(path, None, overwrite=False)
+    sidecar, _ = write_sidecar_template(recognise(path), overwrite=False)
     assert describe(path)["next"] == f"fill in what is missing in {sidecar}"
 
 
@@ -229,17 +230,17 @@ def test_one_key_a_line_and_nothing_of_python(quick_specimen: Path) -> None:
 
 
 def test_a_thumbnail_shows_three_frames(quick_specimen: Path, tmp_path: Path) -> None:
-    preview = manifest_for(quick_specimen / "oct").load().sniff(quick_specimen / "oct").preview
-    write_thumbnail(preview, quick_specimen / "oct", tmp_path / "oct.png")
+    recording = recognise(quick_specimen / "oct")
+    write_thumbnail(recording, tmp_path / "oct.png")
     picture = cv2.imread(str(tmp_path / "oct.png"), cv2.IMREAD_UNCHANGED)
     assert picture.ndim == 2
     assert picture.shape[1] > 2.5 * picture.shape[0]
     bright = picture.mean(axis=1)
     assert bright[: len(bright) // 3].max() > bright[-len(bright) // 3 :].max()  # the catheter's lines are on top
     with pytest.raises(EndoctError, match=r"exists already; choose another file"):
-        write_thumbnail(preview, quick_specimen / "oct", tmp_path / "oct.png")
+        write_thumbnail(recording, tmp_path / "oct.png")
     with pytest.raises(EndoctError, match="lies inside the input"):
-        write_thumbnail(preview, quick_specimen / "oct", quick_specimen / "oct" / "new.png")
+        write_thumbnail(recording, quick_specimen / "oct" / "new.png")
 
 
 def test_a_thumbnail_keeps_colours_and_stretches_grey_levels() -> None:

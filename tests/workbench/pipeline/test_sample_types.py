@@ -17,13 +17,14 @@ from endoct.modalities.oct.plugin import OCT
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.pipeline.comparing import compare_sources, store_side
-from endoct.workbench.pipeline.unrolling import open_recording, save_sample_frames, unroll_recording, unroll_source
+from endoct.workbench.pipeline.unrolling import save_sample_frames, unroll_source
 from endoct.workbench.report.figures.frames import draw_frames
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 from endoct.workbench.report.side_findings import recording_in
 from endoct.workbench.requests import CompareRequest, UnrollRequest
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.running.scheduler import ALONE
+from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 TYPES = ("u1", "u2", "i1", "i2", "i4", "u4", "i8", "f2", "f8", ">u2", ">i2")
 LAYOUTS = (("u1", 1), ("u2", 2), ("i2", 3), (">i2", 4), ("f4", 3), ("f8", 4))

@@ -10,13 +10,13 @@ import tifffile
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
-from endoct.modalities import registry
-from endoct.modalities.contract import FrameStream, Manifest
+from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.manifest import OctAcquisition
+from endoct.modalities.recognition import Recognised
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe
-from endoct.workbench.pipeline.unrolling import _travel_by_default, open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import _travel_by_default, open_recording, unroll_recording
 
 
 def test_a_path_unrolls_as_an_opened_recording(short: Path) -> None:
@@ -46,13 +46,13 @@ def test_what_changes_as_a_path_is_opened_is_noticed(
     for file in (short / "oct").iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
 
-    def changed(path: Path, **how: Any) -> tuple[Manifest, FrameStream]:
-        with (path / "acquisition.toml").open("a") as sidecar:
+    def changed(recognised: Recognised, *how: Any) -> FrameStream:
+        with (recognised.path / "acquisition.toml").open("a") as sidecar:
             sidecar.write("\n")
-        return opened(path, **how)
+        return opened(recognised, *how)
 
-    opened = registry.open_recording
-    monkeypatch.setattr(registry, "open_recording", changed)
+    opened = Recognised.open
+    monkeypatch.setattr(Recognised, "open", changed)
     with pytest.raises(EndoctError, match="was changed while it was read"):
         unroll(tmp_path, progress=False)
 

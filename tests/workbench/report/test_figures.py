@@ -15,7 +15,7 @@ from tolerances import COORDINATE_ATOL
 
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, NOT_OBSERVED, TILT_RAD, Bore, cast_half
+from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, NOT_OBSERVED, TILT_RAD, CutBore, cast_half
 from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, render, width_of, wrapped
 from endoct.workbench.report.figures.wall_panels import show_surface, thinned, wall_panel
 from endoct.workbench.report.wording import value_text
@@ -113,7 +113,7 @@ class _Shell:
 
     def __init__(self, depth_mm: np.ndarray, seen: np.ndarray, middle_deg: float) -> None:
         mapping = ScalarMappable(Normalize(0, 1), "viridis")
-        bore = Bore(GRID, depth_mm.astype(np.float32), depth_mm, seen, mapping, True, OUTER_MM)
+        bore = CutBore(GRID, depth_mm.astype(np.float32), depth_mm, seen, mapping, True, OUTER_MM)
         self.image, self.extent = cast_half(bore, math.radians(middle_deg))
 
     def at(self, z_mm: float, v_mm: float) -> np.ndarray:

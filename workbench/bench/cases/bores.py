@@ -18,7 +18,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama
 from endoct.workbench.bench.cases.specimens import load_side
 from endoct.workbench.bench.task import Case
-from endoct.workbench.pipeline.truth import Pose, load_truth, true_pose
+from endoct.workbench.pipeline.truth import TruePose, load_truth, true_pose
 from endoct.workbench.posing.plan import read_plan
 
 PLAN_ASIDE_MM, PLAN_TILT_DEG = 1.0, 2.0
@@ -38,7 +38,7 @@ class TrueBore:
 
     to_lps: Coordinates
     length_mm: float
-    sides: tuple[Pose, ...] = ()
+    sides: tuple[TruePose, ...] = ()
 
     def axis_lps(self, z_mm: float) -> Coordinates:
         """Return the point of the axis at a depth, (3,) LPS."""
@@ -100,7 +100,7 @@ def plan_off(
     return Trajectory(_triple(begins), _triple(ends))
 
 
-def nearest_the_end(panorama: Panorama, pose: Pose, seen_mm: float | None) -> Panorama:
+def nearest_the_end(panorama: Panorama, pose: TruePose, seen_mm: float | None) -> Panorama:
     """Return the rows and frames of ``panorama`` that lie within ``seen_mm`` of the one nearest the bore's end."""
     if seen_mm is None:
         return panorama
@@ -207,7 +207,7 @@ def _seed_of(folder: Path) -> int:
     return int(number(sample, "seed", 0, 2**53, "the sample"))
 
 
-def _sector(panorama: Panorama, pose: Pose, middle_rad: float, share: float) -> Mask:
+def _sector(panorama: Panorama, pose: TruePose, middle_rad: float, share: float) -> Mask:
     """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
     apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
     return np.asarray(apart <= np.pi * share)[np.newaxis]

@@ -23,7 +23,7 @@ from endoct.modalities.endoscope.mirror.band import Circles
 from endoct.modalities.oct.spectra.reconstruction import Counts
 from endoct.modalities.oct.spectra.resampling import sample_places
 from endoct.modalities.reading.recording import open_stack
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.workbench.bench.task import rng_of
 from endoct.workbench.pipeline.truth import Truth
 

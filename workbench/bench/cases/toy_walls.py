@@ -43,7 +43,7 @@ GREY_WALL_MM, GREY_BLUR_MM, TEXTURE, TEXTURE_MM = 0.25, 0.02, 0.05, 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class ToyWall:
     """What is true at the centres of samples: ``relief_mm`` float64, ``cell`` bool, both (n_z, n_theta)."""
 
     relief_mm: Coordinates
@@ -75,7 +75,7 @@ def toy_panorama(seed: int, index: int, modality: str, conditions: Mapping[str, 
     return panorama, wall.cell
 
 
-def _wall(rng: np.random.Generator, grid: SurfaceGrid, cell_mm: float, fill: float) -> Wall:
+def _wall(rng: np.random.Generator, grid: SurfaceGrid, cell_mm: float, fill: float) -> ToyWall:
     """Place cells of about one diameter until ``fill`` of the wall is theirs; they may touch."""
     relief = np.zeros(grid.shape)
     placed_mm2, area_mm2 = 0.0, 2 * np.pi * RADIUS_MM * LENGTH_MM
@@ -89,11 +89,11 @@ def _wall(rng: np.random.Generator, grid: SurfaceGrid, cell_mm: float, fill: flo
         near = np.ix_(np.abs(along) < 1, np.abs(across) < 1)
         squared = along[np.abs(along) < 1, np.newaxis] ** 2 + across[np.abs(across) < 1] ** 2
         relief[near] = np.maximum(relief[near], depth_mm * np.clip(1 - squared ** (SQUARENESS / 2), 0, None))
-    return Wall(relief, relief > 0)
+    return ToyWall(relief, relief > 0)
 
 
 def _as_oct(
-    rng: np.random.Generator, grid: SurfaceGrid, wall: Wall, conditions: Mapping[str, float]
+    rng: np.random.Generator, grid: SurfaceGrid, wall: ToyWall, conditions: Mapping[str, float]
 ) -> tuple[Image, Image]:
     """Return (intensity, depth) as a finder of the strongest echo in each A-scan would give them."""
     blocks = (grid.n_z, grid.n_theta // SPECKLE_COLUMNS)
@@ -121,7 +121,7 @@ def _course_mm(rng: np.random.Generator, grid: SurfaceGrid, conditions: Mapping[
     return np.asarray(conditions["unevenness"] * (course + rng.normal(0, 0.005, (grid.n_z, 1))))
 
 
-def _as_endoscope(rng: np.random.Generator, grid: SurfaceGrid, wall: Wall, conditions: Mapping[str, float]) -> Image:
+def _as_endoscope(rng: np.random.Generator, grid: SurfaceGrid, wall: ToyWall, conditions: Mapping[str, float]) -> Image:
     """Return the brightness of a wall in which deep cells are dark, and shallow ones grey."""
     albedo = 1 + TEXTURE * _texture(rng, grid)
     bright = albedo * (0.15 + 0.85 * np.exp(-wall.relief_mm / GREY_WALL_MM))

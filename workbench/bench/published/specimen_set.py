@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import plain_name, read_small, sha256_of
 from endoct.base.zarr.zarr_store import read_arrays
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.bench.published.definition import Difficulty, Generator, Half, Size, Split, Stored

@@ -16,9 +16,9 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian, masked_gaussian
 from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.segmentation.by_eye import cells_by_eye, has_eye, inputs_for
+from endoct.fusion.segmentation.by_eye import cells_by_eye, view_of
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.toy_walls import RANGES, toy_panorama
 from endoct.workbench.bench.task import Declined, NotInstalled, draw
@@ -46,11 +46,11 @@ def learned_eye(panorama: Panorama) -> Mask:
 
     Raises :class:`Declined` where there is no eye for such panoramas, or they are too coarse for it.
     """
-    side = Side(panorama.modality, panorama)
-    if panorama.depth_mm is not None or not has_eye(side, SegmentParameters()):
-        raise Declined("no eye was trained for such panoramas")
     parameters = SegmentParameters()
-    return cells_by_eye(side, parameters, inputs_for(side, parameters))[0].mask
+    view = view_of(Side(panorama.modality, panorama), parameters) if panorama.depth_mm is None else None
+    if view is None:
+        raise Declined("no eye was trained for such panoramas")
+    return cells_by_eye(view, parameters)[0].mask
 
 
 @cache

@@ -13,7 +13,7 @@ from skimage.measure import CircleModel, ransac
 from skimage.registration import phase_cross_correlation
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.oct import even
 

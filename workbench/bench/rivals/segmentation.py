@@ -10,20 +10,18 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from skimage import filters, morphology, segmentation
+from skimage import filters, segmentation
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import masked_gaussian, pad_circle
 from endoct.fusion.evidence.evidence import Evidence, prepare
+from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import bounds
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import clean
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 
 BLUR_MM = 0.015
-WINDOW_MM = 1.5
-"""Window of local thresholds, some three typical cells across."""
 CONTOUR_STEPS, CELL_WEIGHT = 20, 30.0
 """For Chan and Vese's contours on prepared panoramas: steps, and the weight of deviations within a cell."""
 
@@ -53,11 +51,6 @@ def triangle_prepared(panorama: Panorama) -> Mask:
     return _prepared(panorama, filters.threshold_triangle)
 
 
-def multi_otsu(panorama: Panorama) -> Mask:
-    """Three classes by Otsu's criterion, what is not the front one is cell (scikit-image)."""
-    return _above(panorama, lambda values: filters.threshold_multiotsu(values, classes=3)[0])
-
-
 def k_means(panorama: Panorama) -> Mask:
     """Two clusters of depth, or of intensity (OpenCV)."""
     image = _image(panorama)
@@ -67,33 +60,11 @@ def k_means(panorama: Panorama) -> Mask:
     return np.asarray(panorama.valid & (image > centres.mean()))
 
 
-def local_threshold(panorama: Panorama) -> Mask:
-    """A threshold at the mean of a Gaussian window (scikit-image)."""
-    rows, columns = _window_px(panorama)
-    image = _image(panorama)
-    local = filters.threshold_local(image, (rows, columns), method="gaussian", offset=-0.5 * float(image.std()))
-    return np.asarray(panorama.valid & (image > local))
-
-
-def adaptive_gaussian(panorama: Panorama) -> Mask:
-    """OpenCV's adaptive threshold on 8 bits; its window is square in pixels."""
-    image = _image(panorama)
-    low, high = np.percentile(image[panorama.valid], [0.5, 99.5])
-    grey = np.clip((image - low) / max(high - low, 1e-9) * 255, 0, 255).astype(np.uint8)
-    block = 2 * (max(_window_px(panorama)) // 2) + 1
-    mask = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_GAUSSIAN_C, cv2.THRESH_BINARY, block, -20)
-    return np.asarray(panorama.valid & (mask > 0))
-
-
-def chan_vese(panorama: Panorama) -> Mask:
-    """Chan and Vese's active contours, morphological (scikit-image), started from Otsu's threshold."""
-    image = _image(panorama)
-    mask = segmentation.morphological_chan_vese(image, 40, init_level_set=otsu(panorama), smoothing=1)
-    return np.asarray(panorama.valid & (mask > 0))
-
-
 def chan_vese_prepared(panorama: Panorama) -> Mask:
-    """The same on what ours thresholds, on the circle, started from the triangle threshold, and cleaned as ours."""
+    """Chan and Vese's active contours, morphological (scikit-image), on what ours thresholds and on the circle.
+
+    They start from the triangle threshold; the cells are cleaned as ours.
+    """
     p, evidence = SegmentParameters(), prepare(panorama)
     values = _smooth_and_capped(evidence, p)
     known = values[evidence.valid]
@@ -117,13 +88,6 @@ def watershed(panorama: Panorama) -> Mask:
     markers[image < 0.5 * (front + threshold)] = 1
     markers[image > 0.5 * (behind + threshold)] = 2
     return np.asarray(panorama.valid & (segmentation.watershed(filters.sobel(image), markers) == 2))
-
-
-def top_hat(panorama: Panorama) -> Mask:
-    """A white top-hat as wide as the widest cells, then Otsu's threshold (scikit-image)."""
-    image = _image(panorama)
-    hat = image - morphology.opening(image, np.ones(_window_px(panorama), np.uint8))
-    return np.asarray(panorama.valid & (hat > filters.threshold_otsu(hat[panorama.valid])))
 
 
 def _image(panorama: Panorama) -> Image:
@@ -152,9 +116,3 @@ def _smooth_and_capped(evidence: Evidence, p: SegmentParameters) -> Image:
     sigmas = p.smooth_mm / evidence.dz_mm, p.smooth_mm / evidence.column_mm
     smooth = masked_gaussian(evidence.values, evidence.valid, *sigmas)
     return np.asarray(np.clip(smooth, *bounds(evidence, smooth, p)), dtype=np.float32)
-
-
-def _window_px(panorama: Panorama) -> tuple[int, int]:
-    """Return the odd height and width of the window of local methods."""
-    rows, columns = WINDOW_MM / panorama.grid.dz_mm, WINDOW_MM / panorama.grid.dtheta_mm
-    return 2 * int(rows / 2) + 1, 2 * int(columns / 2) + 1

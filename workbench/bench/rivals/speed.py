@@ -19,7 +19,7 @@ from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.spectra.reconstruction import Counts
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import per_frame

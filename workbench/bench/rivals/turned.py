@@ -17,8 +17,8 @@ from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.tasks.ablate import STEPS
-from endoct.workbench.pipeline.unrolling import open_recording, unroll_recording
 from endoct.workbench.running.progress import SilentStages
+from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 STATED_HARMONICS = 12
 """The panorama states the errors of angle as a length of the turn and so many harmonics."""

@@ -19,7 +19,7 @@ from endoct.workbench.bench.tasks.comparison import (
     own_cases,
     simulated_case,
 )
-from endoct.workbench.pipeline.recipes import RECIPES
+from endoct.workbench.sides.recipes import RECIPES
 
 MAIN = "main"
 EVEN_TURNS: PartSettings = {

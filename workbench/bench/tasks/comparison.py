@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from endoct.base.errors import EndoctError, NotSeen
-from endoct.fusion.comparison import compare_sides
+from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
@@ -72,7 +72,7 @@ def compare_pair(specimen: Specimen, settings: Settings) -> ComparedPair:
     """Unroll and compare as `endoct compare SPECIMEN/endoscope SPECIMEN/oct` does, with ``settings``."""
     parameters = validate(CompareParameters, dict(settings.get("compare", {})), "the settings of the comparison")
     a, b = two_sides(*(specimen.unrolled(part, settings.get(part, {})) for part in ("endoscope", "oct")))
-    return ComparedPair(a, b, compare_sides(a, b, parameters), parameters)
+    return ComparedPair(a, b, score_placed(place_sides(a, b, parameters), parameters), parameters)
 
 
 ComparisonCase = Case[tuple[Specimen], Path]

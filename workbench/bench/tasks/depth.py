@@ -23,7 +23,7 @@ from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simu
 from endoct.workbench.bench.program import read_array, write_panorama
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
-from endoct.workbench.pipeline.unrolling import open_recording
+from endoct.workbench.sides.recordings import open_recording
 
 DEEPEST_MM = 1.5
 """Cells are deeper here and there; deeper than this no method is asked for."""

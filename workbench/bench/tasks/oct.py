@@ -16,7 +16,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.side_cells import segment
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import per_frame
@@ -25,7 +25,7 @@ from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.program import read_answer, read_array, write_given
 from endoct.workbench.bench.task import SUCCESS, Case, Exchange, Range, Task, draw
 from endoct.workbench.bench.tasks.ablate import STEPS
-from endoct.workbench.pipeline.truth import Pose, Truth, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import TruePose, Truth, load_truth, true_cells, true_pose
 
 CAPILLARY_MM = 1.7
 GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves next to the largest sheath drawn
@@ -132,13 +132,13 @@ def _true_error_rad(of: Mapping[str, Any], index: int, nominal_rad: Coordinates)
     return np.asarray(angle - nominal_rad)
 
 
-def _fitted(pose: Pose, truth: Truth, panorama: Panorama) -> Pose:
+def _fitted(pose: TruePose, truth: Truth, panorama: Panorama) -> TruePose:
     """The pose with the common angle at which the panorama's cells lie most on true ones."""
     cells = segment(panorama) & panorama.valid
     true = true_cells(truth, pose, panorama)
     spectrum = np.fft.rfft(cells, axis=1) * np.conj(np.fft.rfft(true, axis=1))
     best = int(np.argmax(np.fft.irfft(spectrum.sum(axis=0), n=cells.shape[1])))
-    return Pose(
+    return TruePose(
         pose.theta0_rad - pose.sense * best * panorama.grid.dtheta_rad, pose.sense, pose.z_panorama_mm, pose.z_bore_mm
     )
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
-from endoct.fusion.segmentation.regions import label
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases import toy_walls

@@ -22,7 +22,7 @@ from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated
 from endoct.workbench.bench.program import read_answer, write_given
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth
-from endoct.workbench.pipeline.unrolling import open_recording
+from endoct.workbench.sides.recordings import open_recording
 
 MADE = "made"
 RIGHT_MM, RIGHT_DEG = 0.03, 1.0

@@ -57,7 +57,7 @@ Scalars = tuple[np.float32, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Bore:
+class CutBore:
     """A bore to be cut open: ``depth_mm``, ``values`` and where they were ``observed``, (n_z, n_theta) on ``grid``.
 
     Bone reaches out to ``outer_mm``. ``colours`` are those of values. Where these are depths (``by_depth``), the flank
@@ -88,7 +88,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
     )
     length_mm = grid.n_z * grid.dz_mm
     outer_mm = grid.radius_mm + float(np.percentile(depth_mm, 99.9)) + REST_MM
-    bore = Bore(coarse, depth_mm, thin_values, observed, mapping, by_depth, outer_mm)
+    bore = CutBore(coarse, depth_mm, thin_values, observed, mapping, by_depth, outer_mm)
     side_by_side = length_mm < 6 * outer_mm
     width_in = PAGE_WIDTH_IN / 2 - 0.65 if side_by_side else PAGE_WIDTH_IN - 0.7
     # across and along are drawn to one scale
@@ -121,7 +121,7 @@ def draw_cylinder(side: SideFindings, grid: SurfaceGrid) -> Drawn | None:
     )
 
 
-def cast_half(bore: Bore, middle_rad: float) -> tuple[Floats, tuple[float, float, float, float]]:
+def cast_half(bore: CutBore, middle_rad: float) -> tuple[Floats, tuple[float, float, float, float]]:
     """Return RGBA float32 (v, z) of the half shell around θ = ``middle_rad``, and its extent in mm of the cut."""
     grid, depth_mm, outer_mm, slope = bore.grid, bore.depth_mm, bore.outer_mm, math.tan(TILT_RAD)
     near_mm, far_mm = grid.z0_mm - grid.dz_mm / 2, grid.z0_mm + (grid.n_z - 0.5) * grid.dz_mm

@@ -16,7 +16,7 @@ from endoct.modalities.endoscope.parallax import depth
 from endoct.modalities.endoscope.parallax.depth import MOST_ERROR_MM, add_parallax
 from endoct.modalities.endoscope.parallax.views import Texture, fine_grid
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama, read_outline, save_panorama
 from endoct.workbench import unroll

@@ -12,7 +12,8 @@ from endoct.modalities.acquisition import validate
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.pullback_stream import Pullback
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import open_recording
+from endoct.modalities.registry import manifest_for
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 
 N, ASCANS, SLICES = 128, 80, 3

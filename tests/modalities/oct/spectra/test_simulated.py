@@ -13,7 +13,8 @@ from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.spectra.keys import SpectraKeys
 from endoct.modalities.oct.spectra.reading import is_sharper_turned_around, open_spectra
-from endoct.modalities.registry import manifests, open_recording
+from endoct.modalities.recognition import open_recording
+from endoct.modalities.registry import manifests
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, chirp, counts, digitised, reconstruct, spectrometer
 from endoct.synthetic.specimen import simulate

@@ -11,7 +11,8 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OctModality
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
-from endoct.modalities.registry import manifest_for, open_recording
+from endoct.modalities.recognition import open_recording
+from endoct.modalities.registry import manifest_for
 from endoct.workbench.pipeline.information import describe
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 from tests.modalities.thorlabs_writer import Oct, raw_file, with_vectors

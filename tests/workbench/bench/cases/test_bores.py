@@ -16,7 +16,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
 from endoct.workbench.bench.cases.bores import nearest_the_end, own_cases, plan_off, posed_case
-from endoct.workbench.pipeline.truth import Pose
+from endoct.workbench.pipeline.truth import TruePose
 
 TURN_RAD = 0.7
 
@@ -99,7 +99,7 @@ def test_what_is_seen_is_what_lies_nearest_the_end(specimen: Path, panorama: Pan
     assert np.array_equal(left.per_frame["frame_index"].values, np.arange(panorama.grid.n_z)[-left.grid.n_z :])
     assert case.truth.sides[0].z_bore(left.z_mm[-1:]) == pytest.approx([SEEN_MM[1]])
     # one that was recorded from the other end keeps its first rows
-    reversed_pose = Pose(0.0, 1, panorama.z_mm, SEEN_MM[1] - panorama.z_mm)
+    reversed_pose = TruePose(0.0, 1, panorama.z_mm, SEEN_MM[1] - panorama.z_mm)
     assert nearest_the_end(panorama, reversed_pose, 4.0).z_mm[0] == panorama.z_mm[0]
     with pytest.raises(EndoctError, match="leave nothing"):
         nearest_the_end(panorama, reversed_pose, 0.01)

@@ -61,7 +61,7 @@ def test_a_split_without_examples_and_another_task_are_refused(made_set: Path) -
 
 
 def test_the_manuals_training_runs_and_learns(made_set: Path) -> None:
-    page = (ROOT / "docs" / "how-to" / "benchmark-data.md").read_text(encoding="utf-8")
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
     code = page.partition("```python\n")[2].partition("```")[0]
     assert '"DATA"' in code
     assert "loss.backward()" in code

@@ -15,7 +15,7 @@ from endoct.workbench.bench.rivals.pose_points import points_of, surface_of
 from endoct.workbench.bench.rivals.pose_starts import observed, transform_of
 from endoct.workbench.bench.task import Case, NotInstalled
 from endoct.workbench.bench.tasks.pose import Located, judge
-from endoct.workbench.pipeline.truth import Pose
+from endoct.workbench.pipeline.truth import TruePose
 
 TURN_RAD = 0.7
 LIBRARIES = ("small_gicp", "open3d", "SimpleITK")
@@ -27,7 +27,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> bores.PoseCase:
     bore = PoseCase.drawn()
     panorama = bore.panorama("ranger", turn_rad=TURN_RAD, columns=96)
     ct = read_ct(bore.write_ct(tmp_path_factory.mktemp("bore") / "ct.nrrd"))
-    side = Pose(TURN_RAD, 1, panorama.z_mm, panorama.z_mm + SEEN_MM[0])
+    side = TruePose(TURN_RAD, 1, panorama.z_mm, panorama.z_mm + SEEN_MM[0])
     return Case("bore", ((panorama,), ct, bore.plan), bores.TrueBore(bore.to_lps, LENGTH_MM, (side,)), {})
 
 

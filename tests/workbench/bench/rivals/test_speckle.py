@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from endoct.modalities.registry import open_recording
+from endoct.modalities.recognition import open_recording
 from endoct.workbench.bench.rivals import ascans, speckle
 from endoct.workbench.bench.rivals.turned import stated_errors_rad, unrolled_as_turned
 from endoct.workbench.bench.task import Case, Declined

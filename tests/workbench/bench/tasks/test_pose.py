@@ -15,7 +15,7 @@ from endoct.modalities.ct.ct_volume import read_ct
 from endoct.workbench.bench.cases import bores
 from endoct.workbench.bench.task import Case, Declined
 from endoct.workbench.bench.tasks.pose import BEYOND_MM, TASK, Located, LocatedSide, judge, ours
-from endoct.workbench.pipeline.truth import Pose
+from endoct.workbench.pipeline.truth import TruePose
 
 TURN_RAD = 0.7
 
@@ -26,7 +26,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> bores.PoseCase:
     bore = PoseCase.drawn()
     panorama = bore.panorama("ranger", turn_rad=TURN_RAD, columns=96)
     ct = read_ct(bore.write_ct(tmp_path_factory.mktemp("bore") / "ct.nrrd"))
-    side = Pose(TURN_RAD, 1, panorama.z_mm, panorama.z_mm + SEEN_MM[0])
+    side = TruePose(TURN_RAD, 1, panorama.z_mm, panorama.z_mm + SEEN_MM[0])
     truth = bores.TrueBore(bore.to_lps, LENGTH_MM, (side,))
     return Case("bore", ((panorama,), ct, bore.plan), truth, {})
 
@@ -68,7 +68,7 @@ def test_a_shift_a_tilt_and_a_turn_are_measured(case: bores.PoseCase) -> None:
 
 def test_a_side_recorded_from_the_end_is_judged_beyond_the_end(case: bores.PoseCase) -> None:
     rows = case.given[0][0].z_mm
-    backwards = Pose(TURN_RAD, 1, rows, SEEN_MM[1] - rows)
+    backwards = TruePose(TURN_RAD, 1, rows, SEEN_MM[1] - rows)
     turned_round = replace(case, truth=replace(case.truth, sides=(backwards,)))
     side = placed(case)
     answer = Located((replace(side, ends_mm=side.ends_mm[::-1]),))

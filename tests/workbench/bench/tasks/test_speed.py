@@ -11,13 +11,12 @@ from rich.table import Table
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.cases.speed_jobs import Work, place_of, resized, write_recording
-from endoct.workbench.bench.command import Request, run_bench
+from endoct.workbench.bench.command import run_bench
 from endoct.workbench.bench.rivals.speed import literal, opencv, reading, textbook
 from endoct.workbench.bench.task import Case, Declined
 from endoct.workbench.bench.tasks.alignment import AlignmentCase
 from endoct.workbench.bench.tasks.speed import TASK, SpeedCase, cases, ours
 from endoct.workbench.running.measured import Measured
-from endoct.workbench.running.progress import SilentStages
 
 SMALL = {
     "repeats": (2.0, 2.0),
@@ -97,8 +96,14 @@ def test_answers_that_are_wrong_do_not_succeed() -> None:
 
 def test_jobs_take_turns_and_the_table_has_a_line_for_each_with_its_methods(tmp_path: Path) -> None:
     wanted = [f"{name}={int(low)}..{int(high)}" for name, (low, high) in SMALL.items()]
-    request = Request("speed", ["job=threshold|spectra", *wanted], ["endoct", "reading"], seeds="1000-1001")
-    facts, lines = run_bench(request, output=tmp_path / "out", stages=SilentStages())
+    facts, lines = run_bench(
+        "speed",
+        ["job=threshold|spectra", *wanted],
+        methods=["endoct", "reading"],
+        seeds="1000-1001",
+        output=tmp_path / "out",
+        progress=False,
+    )
     assert [(one["word"], one["method"]) for one in facts["summary"]] == [
         ("spectra", "endoct"),
         ("spectra", "reading"),

@@ -7,33 +7,30 @@ a :class:`~endoct.fusion.evidence.side.Side`, with the evidence for its cells. A
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import digests
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
-from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.masks import read_mask, stored_mask
-from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
 from endoct.fusion.geometry.placement import check_same_bore
-from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.device import Device
-from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.panorama import Panorama
-from endoct.stitching.store import is_panorama, load_panorama
-from endoct.workbench.pipeline.recipes import check_made_by
-from endoct.workbench.pipeline.settings import parse
-from endoct.workbench.pipeline.unrolling import Recording, Unrolled, open_recording, unroll_recording
+from endoct.stitching.store import load_panorama
+from endoct.workbench.kinds import MASK, is_comparison, kind_at
+from endoct.workbench.running.outputs import PANORAMA
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, one_blas_thread
+from endoct.workbench.settings import parse
+from endoct.workbench.sides.recipes import check_made_by
+from endoct.workbench.sides.recordings import Recording, Unrolled, open_recording, unroll_recording
 
 if TYPE_CHECKING:
     from endoct.workbench.requests import RecipeName, Recorded, Settings
 
+MOST_SIDES = 2
 Opened = Recording | Panorama | DrawnMask | Path
 """A source that is known to be usable; a path is that of a mask, which may need the panorama that it was drawn on."""
 Ready = Unrolled | Panorama | DrawnMask | Path
@@ -70,21 +67,61 @@ def source_of(
     return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device, recipe)
 
 
-def open_both(sources: tuple[Source, Source]) -> tuple[Opened, Opened]:
-    """Open both sources of a comparison.
+def open_sides(sources: Sequence[Source]) -> tuple[Opened, ...]:
+    """Open one source, or two of one bore.
 
     Raises :class:`EndoctError` where one cannot be used, both are one recording, or their bores differ in diameter.
     """
+    if len(sources) == 1:
+        return (open_source(sources[0]),)
     _check_two(*sources)
     with _arguments_of("a"):
         a = open_source(sources[0])
     with _arguments_of("b"):
         b = open_source(sources[1])
-    opened = a, b
-    radii_mm = [radius for radius in map(_radius_mm, opened) if radius is not None]
+    radii_mm = [radius for radius in map(_radius_mm, (a, b)) if radius is not None]
     if len(radii_mm) == 2:
         check_same_bore(*radii_mm)
+    return a, b
+
+
+def open_recorded(sources: Sequence[Source]) -> tuple[Opened, ...]:
+    """Open one source or two, as :func:`open_sides`. Raises :class:`EndoctError` also for others, and for a mask."""
+    if not 1 <= len(sources) <= MOST_SIDES:
+        raise EndoctError(
+            "a pose is found by one side or two",
+            found=f"{len(sources)} sides",
+            remedy="" if sources else "name a recording, or ask before there is one with --plan-only",
+        )
+    opened = open_sides(sources)
+    for source, one in zip(sources, opened, strict=True):
+        if isinstance(one, DrawnMask | Path):
+            expected = "a recording, a panorama, or one side of a comparison as DIR:SIDE"
+            raise EndoctError(f"{source.path} is a mask drawn by hand", expected=expected)
     return opened
+
+
+def side_of_comparison(source: Source) -> Source:
+    """Return the panorama that ``DIR:SIDE`` names in the comparison ``DIR``; any other source as it is.
+
+    Raises :class:`EndoctError` where the comparison has no such side, or only ``DIR`` is named.
+    """
+    if source.path is None:
+        return source
+    if is_comparison(source.path):
+        names = ", ".join(f"{source.path}:{name}" for name in _names(source.path))
+        raise EndoctError(f"{source.path} is a comparison of two sides", expected=names, remedy="name one of them")
+    folder, _, name = str(source.path).rpartition(":")
+    if source.path.exists() or not folder or not is_comparison(Path(folder)):
+        return source
+    if name not in (names_there := _names(Path(folder))):
+        expected = ", ".join(names_there) or "panoramas in it"
+        raise EndoctError(f"the comparison {folder} has no such side", found=name, expected=expected)
+    return replace(source, given=Path(folder) / "panoramas" / f"{name}.zarr")
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(path.stem for path in (folder / "panoramas").glob("*.zarr"))
 
 
 def _check_two(a: Source, b: Source) -> None:
@@ -101,18 +138,19 @@ def _check_two(a: Source, b: Source) -> None:
 
 
 def unroll_sources(
-    opened: tuple[Opened, Opened], stages: Stages, scheduler: Scheduler, meanwhile: Sequence[str] = ()
-) -> tuple[Ready, Ready]:
-    """Return both sources with recordings unrolled; two at the same time, where there is a second process.
+    opened: Sequence[Opened], stages: Stages, scheduler: Scheduler, meanwhile: Sequence[str] = ()
+) -> tuple[Ready, ...]:
+    """Return one source or both with recordings unrolled; two at the same time, where there is a second process.
 
     Modules named in ``meanwhile`` are loaded where this process would wait for the other. Raises what
     :func:`unroll_recording` raises, of A where both fail.
     """
-    a, b = opened
-    if not isinstance(a, Recording) or not isinstance(b, Recording):
-        return _unrolled(a, stages, "A"), _unrolled(b, stages, "B")
-    with scheduler.begun_in_stages(stages, _unroll_b, b) as unrolled_b:
-        return unroll_recording(a, stages, "A"), unrolled_b.result(meanwhile)
+    if len(opened) == 2 and isinstance(opened[0], Recording) and isinstance(opened[1], Recording):
+        with scheduler.begun_in_stages(stages, _unroll_b, opened[1]) as unrolled_b:
+            return unroll_recording(opened[0], stages, "A"), unrolled_b.result(meanwhile)
+    labels = "AB" if len(opened) == 2 else ("",)
+    pairs = zip(opened, labels, strict=True)
+    return tuple(unroll_recording(one, stages, label) if isinstance(one, Recording) else one for one, label in pairs)
 
 
 def _unroll_b(recording: Recording, stages: Stages) -> Unrolled:
@@ -121,31 +159,14 @@ def _unroll_b(recording: Recording, stages: Stages) -> Unrolled:
         return unroll_recording(recording, stages, "B")
 
 
-def read_sides(made: tuple[Ready, Ready]) -> tuple[Side, Side]:
-    """Return both sides. Raises :class:`EndoctError` where a mask cannot be read, or nothing says where it lies."""
-    a, b = made
-    return two_sides(_read(a, b), _read(b, a))
-
-
-def is_mask_image(path: Path) -> bool:
-    """Whether ``path`` is a mask drawn by hand, not a recording.
-
-    Outlines; one image of at most two values, or of whole numbers of 32 bits and more, which are labels; a Zarr store
-    of labels.
-    """
-    if path.is_dir():
-        return is_label_store(path) and not is_panorama(path) and not sidecar_path(path).is_file()
-    if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
-        return True
-    if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
-        return False
-    stack = open_stack(path)
-    if len(stack) != 1:
-        return False
-    stored = stack.stored(0)
-    if stored.ndim == 3 and stored.shape[2] in (2, 4) and (stored[..., -1] == 0).any():
-        return True  # drawn on a transparent ground
-    return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
+def read_sides(made: Sequence[Ready]) -> tuple[Side, ...]:
+    """Return one side or both. Raises :class:`EndoctError` where a mask cannot be read, or nothing says its place."""
+    if len(made) == 2:
+        a, b = made
+        return two_sides(_read(a, b), _read(b, a))
+    if (panorama := _panorama(made[0])) is None:
+        raise EndoctError("nothing says where a mask by itself lies")
+    return (Side(panorama.modality, panorama),)
 
 
 @contextmanager
@@ -160,23 +181,22 @@ def _arguments_of(side: str) -> Iterator[None]:
 
 def open_source(source: Source) -> Opened:
     """Open one source. Raises :class:`EndoctError` where it cannot be used."""
-    path = source.path
-    unrolled, mask = path is None or is_panorama(path), path is not None and is_mask_image(path)
+    kind = PANORAMA if isinstance(source.given, Panorama) else kind_at(source.given)
     given = [f"modality {source.modality}"] * (source.modality is not None) + list(source.settings)
-    if (unrolled or mask) and given:
+    if kind in (PANORAMA, MASK) and given:
         raise EndoctError(
-            f"{source.path or 'a side'} is {'a panorama' if unrolled else 'a mask'}, which is compared as it is",
+            f"{source.path or 'a side'} is a {kind}, which is compared as it is",
             found=f"set for that side: {', '.join(given)}",
             expected="settings for recordings only",
             remedy="leave them out, or compare the recording itself",
         )
-    if isinstance(source.given, Panorama) or unrolled:
+    if isinstance(source.given, Panorama) or kind == PANORAMA:
         panorama = source.given if isinstance(source.given, Panorama) else load_panorama(source.given)
         drawn = stored_mask(panorama)
         if drawn is None:
             check_made_by(source.recipe, panorama)
         return drawn or panorama
-    if mask:
+    if kind == MASK:
         return source.given
     return open_recording(
         source.given,
@@ -192,10 +212,6 @@ def _radius_mm(opened: Opened) -> float | None:
     if isinstance(opened, Path):
         return None
     return opened.stream.acquisition.bore_diameter_mm / 2 if isinstance(opened, Recording) else opened.grid.radius_mm
-
-
-def _unrolled(opened: Opened, stages: Stages, label: str) -> Ready:
-    return unroll_recording(opened, stages, label) if isinstance(opened, Recording) else opened
 
 
 def _read(made: Ready, other: Ready) -> Panorama | DrawnMask:

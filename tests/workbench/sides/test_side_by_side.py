@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.pipeline.sources import unroll_sources
-from endoct.workbench.pipeline.unrolling import open_recording
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.running.scheduler import ALONE, Scheduler, one_blas_thread, scheduler
+from endoct.workbench.sides.recordings import open_recording
+from endoct.workbench.sides.sources import unroll_sources
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import LISTED_FILES, digests
 from endoct.modalities.acquisition import overridden
 from endoct.modalities.registry import manifests
-from endoct.workbench.pipeline.settings import parse, split
+from endoct.workbench.settings import parse, split
 
 
 def test_values_are_toml_or_else_words() -> None:

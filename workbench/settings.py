@@ -18,7 +18,7 @@ from endoct.modalities.contract import Manifest
 
 if TYPE_CHECKING:
     from endoct.synthetic.sample.ranges import Range
-    from endoct.workbench.requests import Place, Ranges, Settings
+    from endoct.workbench.requests import Names, Place, Ranges, Settings
 
 
 def parse(settings: "Settings") -> dict[str, object]:
@@ -115,6 +115,11 @@ def range_text(range_: "Range") -> str:
 def ranges_text(ranges: "Mapping[str, Range]") -> str:
     """Return ranges by name as the user would state them, in the order of their names."""
     return " ".join(f"{name}={range_text(ranges[name])}" for name in sorted(ranges)) or "nothing"
+
+
+def listed_names(names: "Names") -> list[str]:
+    """Return the names in a list that commas separate; names in a sequence, as Python states them, as they are."""
+    return [name.strip() for name in names.split(",") if name.strip()] if isinstance(names, str) else list(names)
 
 
 def parse_place(name: str, text: "Place") -> tuple[float, float, float] | None:

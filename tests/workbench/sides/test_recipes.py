@@ -9,7 +9,7 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.workbench import compare, unroll
-from endoct.workbench.pipeline.recipes import check_made_by, with_recipe
+from endoct.workbench.sides.recipes import check_made_by, with_recipe
 
 OF_OCT = {
     "undistort": "sine",

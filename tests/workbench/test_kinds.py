@@ -1,0 +1,123 @@
+"""Every kind, held against all who ask what lies at a path; and the walk that looks for them."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from random import Random
+
+import cv2
+import numpy as np
+import pytest
+from workbench_page import written
+
+from benchmarks.ct_faults.drawn import drawn, named_slices
+from benchmarks.ct_faults.writing import write_series
+from endoct.base.errors import EndoctError
+from endoct.workbench import kinds
+from endoct.workbench.desk.study import inputs_in
+from endoct.workbench.exporting.source import open_source as open_export
+from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
+from endoct.workbench.page.collection import entries_in
+from endoct.workbench.page.opening import can_be_shown
+from endoct.workbench.pipeline.information import describe
+from endoct.workbench.pipeline.unread import Unread
+from endoct.workbench.running.outputs import DATA_SET, POSE
+from endoct.workbench.sides.sources import Source, open_source, side_of_comparison
+from endoct.workbench.verifying import verify
+
+PLAN = {"@schema": "https://raw.githubusercontent.com/slicer/markups-schema-v1.0.3.json#", "markups": []}
+
+
+@pytest.fixture(scope="module")
+def study(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One of every kind, each under its name."""
+    top = tmp_path_factory.mktemp("study")
+    written(top / "comparison")
+    shutil.copytree(top / "comparison" / "panoramas" / "oct.zarr", top / "panorama")
+    shutil.copytree(quick_specimen, top / "specimen", ignore=shutil.ignore_patterns("labels"))
+    shutil.copytree(quick_specimen / "oct", top / "recording")
+    (top / DATA_SET).mkdir()
+    (top / DATA_SET / "dataset.json").write_text(json.dumps({"count": 0, "arguments": {}, "versions": {}}))
+    (top / POSE).mkdir()
+    (top / POSE / "pose.json").write_text("{}")
+    said = {"format": "endoct-output-1", "kind": POSE, "files": {}, "parts": {}}
+    (top / POSE / "endoct-output.json").write_text(json.dumps(said))
+    write_series(top / "volume", named_slices(drawn(Random(1))))
+    (top / "plan").write_text(json.dumps(PLAN))
+    cv2.imwrite(str(top / "mask.png"), np.eye(8, dtype=np.uint8) * 255)
+    (top / "mask.png").rename(top / "mask.PNG")
+    return top
+
+
+def _at(study: Path, kind: str) -> Path:
+    return study / ("mask.PNG" if kind == "mask" else kind)
+
+
+def _refused(ask: Callable[[Path], object], path: Path) -> bool:
+    try:
+        ask(path)
+    except EndoctError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
+    path, row = _at(study, kind), KINDS[kind]
+    assert kind_at(path) == kind
+    assert output_at(path) == (None if kind in kinds.INPUTS else kind)
+    for named in (row.described, row.listed, row.shown, row.pictured):
+        assert not named or callable(reader(named))
+    listed = {entry.name: entry for entry in entries_in(study)}
+    assert (kind in listed) == bool(row.listed)
+    if row.listed:
+        assert (listed[kind].kind, listed[kind].fault) == (row.title, "")
+        assert listed[kind].can_be_opened == bool(row.shown) == can_be_shown(path)
+    assert _refused(open_export, path) == (kind not in ("comparison", "panorama", "specimen"))
+    is_side = kind in ("panorama", "mask", "recording")
+    assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
+    assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")
+
+
+def test_what_it_says_of_itself_is_its_kind(study: Path) -> None:
+    said = {kind: describe(_at(study, kind))["kind"] for kind in ("comparison", "panorama", "volume", "recording")}
+    assert said == {"comparison": "comparison", "panorama": "panorama", "volume": "CT", "recording": "recording"}
+    with pytest.raises(EndoctError, match=r"plan"):
+        describe(study / "plan")
+
+
+def test_the_desk_lists_inputs_and_what_verify_knows_is_an_output(study: Path) -> None:
+    found = {each.name: each.kind for each in inputs_in(study, Unread())}
+    inside = {f"specimen/{side}": "recording" for side in ("endoscope", "oct")}
+    assert found == {"recording": "recording", "volume": "volume", POSE: "pose", **inside}
+    outputs = {verdict.path.name for verdict in verify(study, progress=False)}
+    assert outputs == {kind for kind in KINDS if kind not in kinds.INPUTS}
+
+
+def test_the_walk_leaves_out_what_is_hidden_linked_or_taken_out(study: Path, tmp_path: Path) -> None:
+    for name in ("a/b/c/d/e/f", ".hidden"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "link").symlink_to(study)
+    names = [place.path.relative_to(tmp_path).as_posix() for place in places_in(tmp_path)]
+    assert names == [".", "a", "a/b", "a/b/c", "a/b/c/d", "a/b/c/d/e"]
+    for place in places_in(tmp_path):
+        assert place.path.name != "b"
+        place.folders.clear()
+
+
+def test_a_walk_has_one_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinds, "MOST_FOLDERS", 3)
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+    assert len(list(places_in(tmp_path))) == 3
+    (tmp_path / "c").mkdir()
+    with pytest.raises(EndoctError, match="too many folders to look through; expected 3 at most"):
+        list(places_in(tmp_path))
+
+
+def test_a_list_that_cannot_be_read_stops_no_walk(tmp_path: Path) -> None:
+    (tmp_path / "endoct-output.json").write_text("{")
+    assert [place.output for place in places_in(tmp_path)] == [None]
+    with pytest.raises(EndoctError, match="is damaged"):
+        output_at(tmp_path)

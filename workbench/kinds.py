@@ -1,0 +1,203 @@
+"""What lies at a path: one table of kinds, each with its mark and its readers, and one walk through a folder.
+
+A new kind is a row here, and a module with the functions that the row names. They are loaded when they are needed.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from endoct.base.errors import EndoctError
+from endoct.base.files.contents import kind_of
+from endoct.base.files.files import exists
+from endoct.fusion.files.drawings import is_label_store
+from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
+from endoct.modalities.acquisition import sidecar_path
+from endoct.modalities.ct.ct_volume import is_volume
+from endoct.modalities.ct.trajectory import is_plan
+from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
+from endoct.stitching.store import is_panorama
+from endoct.workbench.running.outputs import COMPARISON, DATA_SET, DATA_SET_FILE, PANORAMA, POSE, SPECIMEN
+
+RECORDING, VOLUME, PLAN, MASK = "recording", "volume", "plan", "mask"
+COMPARISON_STORE = "comparison.zarr"
+SAMPLE = Path("truth", "sample.json")
+POSE_FILE = "pose.json"
+DEEPEST = 5
+"""So many folders below the one that is looked through anything is looked for."""
+MOST_FOLDERS = 50_000
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What may lie at a path: ``is_at`` tells it by its mark. Its readers are "module:function", "" where it has none.
+
+    Attributes: ``title`` in lists; ``described``, what `endoct info` says of a path; ``loaded``, what Python gets;
+    ``listed``, what a table of outputs says; ``shown``, its page; ``pictured``, its thumbnail; ``has_recordings`` in
+    the folders below.
+    """
+
+    name: str
+    is_at: Callable[[Path], bool]
+    title: str = ""
+    described: str = ""
+    loaded: str = ""
+    listed: str = ""
+    shown: str = ""
+    pictured: str = ""
+    has_recordings: bool = False
+
+
+def is_comparison(path: Path) -> bool:
+    """Say whether ``path`` is, or should be, a folder that `endoct compare` wrote."""
+    return (path / COMPARISON_STORE).is_dir()
+
+
+def is_mask(path: Path) -> bool:
+    """Say whether ``path`` is a mask drawn by hand, not a recording.
+
+    Outlines; one image of at most two values, or of whole numbers of 32 bits and more, which are labels; a Zarr store
+    of labels. Raises :class:`EndoctError` where an image cannot be read.
+    """
+    if path.is_dir():
+        return is_label_store(path) and not is_panorama(path) and not sidecar_path(path).is_file()
+    if path.is_file() and path.suffix.lower() in OUTLINE_SUFFIXES:
+        return True
+    if not path.is_file() or path.suffix.lower() not in IMAGE_SUFFIXES or sidecar_path(path).is_file():
+        return False
+    stack = open_stack(path)
+    if len(stack) != 1:
+        return False
+    stored = stack.stored(0)
+    if stored.ndim == 3 and stored.shape[2] in (2, 4) and (stored[..., -1] == 0).any():
+        return True  # drawn on a transparent ground
+    return (stack.dtype.kind in "ui" and stack.dtype.itemsize >= 4) or np.unique(stack[0]).size <= 2
+
+
+_INFORMATION, _VOLUMES = "endoct.workbench.pipeline.information", "endoct.workbench.pipeline.volumes"
+_COLLECTION, _OPENING = "endoct.workbench.page.collection", "endoct.workbench.page.opening"
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        row.name: row
+        for row in (
+            Kind(
+                COMPARISON,
+                is_comparison,
+                title="comparison",
+                described=f"{_INFORMATION}:describe_comparison",
+                loaded="endoct.fusion.files.store:load_compared",
+                listed=f"{_COLLECTION}:listed_comparison",
+                shown=f"{_OPENING}:shown_comparison",
+                pictured=f"{_COLLECTION}:pictured_page",
+            ),
+            Kind(
+                PANORAMA,
+                is_panorama,
+                title="recording",
+                described=f"{_INFORMATION}:describe_panorama",
+                loaded="endoct.stitching.store:load_panorama",
+                listed=f"{_COLLECTION}:listed_panorama",
+                shown=f"{_OPENING}:shown_panorama",
+                pictured=f"{_COLLECTION}:pictured_page",
+            ),
+            Kind(
+                SPECIMEN,
+                lambda path: (path / SAMPLE).is_file(),
+                title="specimen",
+                listed=f"{_COLLECTION}:listed_specimen",
+                pictured=f"{_COLLECTION}:pictured_specimen",
+                has_recordings=True,
+            ),
+            Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
+            Kind(
+                POSE,
+                lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE,
+                loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
+            ),
+            Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
+            Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
+            Kind(MASK, is_mask),
+            Kind(RECORDING, lambda _: True, title="recording"),
+        )
+    }
+)
+"""All kinds by name, in the order in which a path is asked for them. What is none of them may be a recording."""
+INPUTS = (PLAN, VOLUME, MASK, RECORDING)
+
+
+def output_at(path: Path) -> str | None:
+    """Return which kind of output lies at ``path``, also one that has no row here; None where there is none.
+
+    Raises :class:`EndoctError` where the list of an output cannot be read.
+    """
+    outputs = (name for name, row in KINDS.items() if name not in INPUTS and row.is_at(path))
+    return next(outputs, None) or kind_of(path)
+
+
+def kind_at(path: Path) -> str:
+    """Return which kind lies at ``path``; RECORDING where that is left, as a sidecar says or a plug-in has to.
+
+    Raises :class:`EndoctError` where an image, or the list of an output, cannot be read.
+    """
+    if (output := output_at(path)) is not None:
+        return output
+    is_described = exists(sidecar_path(path))
+    return next(name for name in INPUTS if name == RECORDING or (not is_described and KINDS[name].is_at(path)))
+
+
+def reader(named: str) -> Callable[..., Any]:
+    """Return the function that a row names as "module:function"."""
+    module, _, function = named.partition(":")
+    return getattr(import_module(module), function)  # type: ignore[no-any-return]
+
+
+@dataclass
+class Place:
+    """A folder on the walk: ``output`` is the kind that lies there, None for any other.
+
+    ``folders`` in it are gone into next; whoever walks takes out those that are of no use. Hidden ones are left out,
+    and links are not followed.
+    """
+
+    path: Path
+    output: str | None
+    folders: list[Path]
+    files: list[Path]
+
+
+def places_in(folder: Path) -> Iterator[Place]:
+    """Yield ``folder`` and the folders below it, each before what it holds.
+
+    Raises :class:`EndoctError` where there is more than anybody could look through.
+    """
+    below, looked_at = [(folder, 0)], 0
+    while below:
+        if (looked_at := looked_at + 1) > MOST_FOLDERS:
+            raise EndoctError(f"{folder} has too many folders to look through", expected=f"{MOST_FOLDERS} at most")
+        here, depth = below.pop()
+        try:
+            output = output_at(here)
+        except EndoctError:  # the list of an output that cannot be read says nothing
+            output = None
+        place = Place(here, output, *_listed(here))
+        yield place
+        if depth < DEEPEST:
+            below += [(path, depth + 1) for path in reversed(place.folders)]
+
+
+def _listed(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the folders and the files in ``folder``, each by name; none where it is somebody else's."""
+    try:
+        with os.scandir(folder) as scan:
+            listed = [each for each in scan if not each.name.startswith(".")]
+            folders = [Path(each.path) for each in listed if each.is_dir(follow_symlinks=False)]
+            files = [Path(each.path) for each in listed if each.is_file(follow_symlinks=False)]
+    except OSError:
+        return [], []
+    return sorted(folders), sorted(files)
