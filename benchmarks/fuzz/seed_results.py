@@ -149,7 +149,9 @@ def _filled(result: Result) -> Result:
         "scores": _known(result.scores),
         "budget": result.budget and _known(result.budget),
         "twist": twist,
-        "by_hand": judge(PAIRS, SearchOutcome(Alignment(0.1, 0.2)), KnownBore(GRID.radius_mm, ((False, False),), (0.95, 1.05))).said,
+        "by_hand": judge(
+            PAIRS, SearchOutcome(Alignment(0.1, 0.2)), KnownBore(GRID.radius_mm, ((False, False),), (0.95, 1.05))
+        ).said,
         "truth": against,
         "raters": result.raters.model_copy(update={"consensus": consensus}),
     }
