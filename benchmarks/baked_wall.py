@@ -17,7 +17,7 @@ from endoct.base.arrays import Coordinates
 from endoct.synthetic.bone.scene import crossings
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
-from endoct.synthetic.endoscope.cone import band_centre_mm, rays_of
+from endoct.synthetic.endoscope.cone import FrameView, rays_of
 from endoct.synthetic.endoscope.sight import follow, view, visible
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.runner import parse_seeds
@@ -56,15 +56,15 @@ def of_pixels(sample: Sample, wall: Wall, frames: int) -> tuple[Coordinates, Coo
     """Return how far apart rays of pixels end, traced and as frames are rendered, and their radius as traced, (n,)."""
     camera, off, radii = sample.endoscope, [], []
     for index in np.linspace(0, len(camera.z_mm) - 1, frames).astype(int):
-        pixels = view(camera, index)
-        hits = follow(visible(wall, camera, index), camera, index, pixels)
-        rays = rays_of(camera, index, pixels.look_x_px, pixels.look_y_px)
+        frame = FrameView.of(camera, index, wall.radius_mm)
+        pixels = view(frame)
+        hits = follow(visible(wall, frame), frame, pixels)
+        rays = rays_of(frame, pixels.look_x_px, pixels.look_y_px)
         some = np.arange(0, pixels.pixel.size, EVERY_PIXEL)
         cos, sin = (turn(rays.theta_rad[some].astype(np.float64)) for turn in (np.cos, np.sin))
-        apex_mm = camera.z_mm[index] - band_centre_mm(camera, wall.radius_mm)
         origin, way = (
             np.stack([u[some] * cos - v[some] * sin, u[some] * sin + v[some] * cos, z[some] + from_mm], axis=1)
-            for u, v, z, from_mm in ((rays.u0, rays.v0, rays.z0, apex_mm), (rays.u1, rays.v1, rays.z1, 0.0))
+            for u, v, z, from_mm in ((rays.u0, rays.v0, rays.z0, frame.apex_mm), (rays.u1, rays.v1, rays.z1, 0.0))
         )
         way /= np.linalg.norm(way, axis=1)[:, None]
         found = crossings(wall.scene, origin, way, np.zeros(some.size), np.full(some.size, 5.0))

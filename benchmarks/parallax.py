@@ -25,9 +25,9 @@ from benchmarks.independent.pair import write_endoscope
 from benchmarks.independent.sets import recipe_of
 from benchmarks.independent.truth import endoscope_place
 from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.placement import signed_distance
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_side
@@ -119,7 +119,7 @@ def _edges(recorded: Recorded, mask: Mask) -> Iterator[tuple[str, float]]:
     """Yield by how much each side of cells is found short, µm, the median along its edge; less than 0 is too long."""
     grid, valid = recorded.panorama.grid, recorded.panorama.valid
     sample_mm = grid.dz_mm, grid.dtheta_mm
-    true_mm, found_mm = (signed_distance(cells & valid, sample_mm) for cells in (recorded.cell, mask))
+    true_mm, found_mm = (signed_distance(cells & valid, sample_mm, 2 * FARTHEST_MM) for cells in (recorded.cell, mask))
     slopes = np.gradient(true_mm, sample_mm[0], axis=0), (np.roll(true_mm, -1, 1) - np.roll(true_mm, 1, 1)) / 2
     slopes = slopes[0], slopes[1] / sample_mm[1]
     edge = valid & (np.abs(true_mm) <= max(sample_mm)) & (np.abs(found_mm) < FARTHEST_MM)

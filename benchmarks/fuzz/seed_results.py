@@ -18,7 +18,7 @@ from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.masks import DRAWN_STORE, mask_on, save_drawings
 from endoct.fusion.files.session import Identity, Session
 from endoct.fusion.files.store import save_comparison
-from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place
+from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place, SearchOutcome
 from endoct.fusion.registration.by_hand import KnownBore, judge
 from endoct.fusion.result import (
     CorrectedTwist,
@@ -149,7 +149,9 @@ def _filled(result: Result) -> Result:
         "scores": _known(result.scores),
         "budget": result.budget and _known(result.budget),
         "twist": twist,
-        "by_hand": judge(PAIRS, Alignment(0.1, 0.2), KnownBore(GRID.radius_mm, ((False, False),), (0.95, 1.05))).said,
+        "by_hand": judge(
+            PAIRS, SearchOutcome(Alignment(0.1, 0.2)), KnownBore(GRID.radius_mm, ((False, False),), (0.95, 1.05))
+        ).said,
         "truth": against,
         "raters": result.raters.model_copy(update={"consensus": consensus}),
     }
