@@ -222,7 +222,8 @@ class _Watch:
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         if self._specimen is not None and (made := getattr(session.config, "_tmp_path_factory", None)) is not None:
-            (made.getbasetemp() / "quick_specimen").symlink_to(self._specimen)  # where tests/conftest.py looks for it
+            # where tests/conftest.py looks for it; a mutant may spoil it
+            shutil.copytree(self._specimen, made.getbasetemp() / "quick_specimen")
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self._note.write_text(nodeid)
