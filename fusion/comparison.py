@@ -21,6 +21,7 @@ from endoct.fusion.doubts import (
     doubts_of_parts,
     doubts_of_scale,
     doubts_of_scores,
+    doubts_of_step,
     scale_at_limit,
 )
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
@@ -39,7 +40,8 @@ from endoct.fusion.registration.align import (
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import KnownBore, align_by_hand
-from endoct.fusion.registration.rigidity import Part, parts_out_of_place
+from endoct.fusion.registration.rigidity import parts_out_of_place
+from endoct.fusion.registration.steps import step_along
 from endoct.fusion.registration.twist import Twist, find_twist, untwisted
 from endoct.fusion.result import (
     Believable,
@@ -143,7 +145,7 @@ def _on_one_grid(
 def score_placed(placed: Placed, parameters: CompareParameters) -> Comparison:
     """Return the comparison of two sides as they were ``placed``, with scores and doubts."""
     alignment = placed.alignment
-    scored, (parts, overlaps) = at_once(
+    scored, (bent, overlaps) = at_once(
         lambda: score_sides(
             placed.sides, placed.grid, placed.samplings if alignment else None, parameters.tolerance_mm
         ),
@@ -151,21 +153,23 @@ def score_placed(placed: Placed, parameters: CompareParameters) -> Comparison:
     )
     if scored.scores:
         scored = replace(scored, scores=scored.scores.model_copy(update=overlaps))
-    result = _result(placed, scored, parts, parameters)
+    result = _result(placed, scored, bent, parameters)
     return Comparison(placed.grid, placed.sides, alignment, result.reason, result, scored.cells)
 
 
 def _held_together(
     placed: Placed, alignment: Alignment, parameters: CompareParameters
-) -> tuple[tuple[Part, ...], Mapping[str, object]]:
-    """Return the parts of B that are out of place, and the overlaps besides that on the common grid, by key."""
+) -> tuple[tuple[Doubt, ...], Mapping[str, object]]:
+    """Return what speaks against one rigid place, and the overlaps besides that on the common grid, by key."""
     a, b = placed.both
-    parts = parts_out_of_place(a.evidence, b.evidence, alignment)
+    bent = tuple(doubts_of_parts(parts_out_of_place(a.evidence, b.evidence, alignment), b.name))
+    if not bent:
+        bent = tuple(doubts_of_step(step_along(a.evidence, b.evidence, alignment), b.name))
     own_rows = on_own_rows(placed.both, (placed.cells[0].mask, placed.cells[1].mask), alignment)
-    return parts, {"own_rows": own_rows, "by_li": by_li(placed, parameters)}
+    return bent, {"own_rows": own_rows, "by_li": by_li(placed, parameters)}
 
 
-def _result(placed: Placed, scored: Scored, parts: Sequence[Part], parameters: CompareParameters) -> Result:
+def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: CompareParameters) -> Result:
     outcome, scores = placed.outcome, scored.scores
     first, second = (side.valid for side in placed.sides)
     covered, both = _reached(first) & _reached(second), first & second
@@ -176,7 +180,7 @@ def _result(placed: Placed, scored: Scored, parts: Sequence[Part], parameters: C
     doubts = (
         *(() if twist is None else (doubt_of_twist(twist, placed.names),)),
         *placed.doubts,
-        *(() if outcome.alignment is None else _doubts_of_alignment(placed, outcome.alignment, parts, parameters)),
+        *(() if outcome.alignment is None else _doubts_of_alignment(placed, outcome.alignment, bent, parameters)),
         *(() if scores is None else doubts_of_scores(valid_fraction, scores)),
         *(doubt for of in zip(placed.both, placed.cells, strict=True) for doubt in doubts_of_side(*of)),
     )
@@ -204,7 +208,7 @@ def _result(placed: Placed, scored: Scored, parts: Sequence[Part], parameters: C
 
 
 def _doubts_of_alignment(
-    placed: Placed, alignment: Alignment, parts: Sequence[Part], parameters: CompareParameters
+    placed: Placed, alignment: Alignment, bent: Sequence[Doubt], parameters: CompareParameters
 ) -> Iterator[Doubt]:
     (a, b), by_hand = placed.both, placed.by_hand
     if by_hand is not None:
@@ -218,7 +222,7 @@ def _doubts_of_alignment(
             yield from doubts_of_scale(alignment, farther, parameters, a, b)
     yield from doubts_of_largest_cell(max(largest_cell_share(side.evidence) for side in (a, b)))
     yield from doubts_of_orientation(alignment, a.panorama, b.panorama, b.name)
-    yield from doubts_of_parts(parts, b.name)
+    yield from bent
 
 
 def _corrected_twist(twist: Twist, jaccard_without: float | None, jaccard_with: float | None) -> CorrectedTwist:

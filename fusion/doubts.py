@@ -18,6 +18,7 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
 from endoct.fusion.registration.rigidity import Part
+from endoct.fusion.registration.steps import LEAST_STEP_MM, Step
 from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, PairScores, PlacedPair
 from endoct.stitching.panorama import LEAST_VALID_SHARE, Panorama
 
@@ -125,6 +126,18 @@ def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
         "may be lost, swapped or turned."
     )
     yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, worst.limit_mm))
+
+
+def doubts_of_step(step: Step | None, of: str) -> Iterator[Doubt]:
+    """Yield the doubt about a ``step`` of side ``of`` along the bore."""
+    if step is not None:
+        cause = "lost" if step.along_mm > 0 else "doubled"
+        what = (
+            f"From about z = {step.at_mm:.1f} mm on, the wall of {of} fits best {step.along_mm:+.2f} mm farther along "
+            f"the bore than before it. Slices or frames may be {cause} there, or the feed slipped."
+        )
+        found = abs(step.along_mm)
+        yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, LEAST_STEP_MM))
 
 
 def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: str) -> Iterator[Doubt]:

@@ -93,7 +93,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                 described=f"{_INFORMATION}:describe_comparison",
                 loaded="endoct.fusion.files.store:load_compared",
                 listed=f"{_COLLECTION}:listed_comparison",
-                shown=f"{_OPENING}:shown_comparison",
+                shown=f"{_OPENING}:opened_comparison",
                 pictured=f"{_COLLECTION}:pictured_page",
             ),
             Kind(
@@ -103,7 +103,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
                 described=f"{_INFORMATION}:describe_panorama",
                 loaded="endoct.stitching.store:load_panorama",
                 listed=f"{_COLLECTION}:listed_panorama",
-                shown=f"{_OPENING}:shown_panorama",
+                shown=f"{_OPENING}:opened_panorama",
                 pictured=f"{_COLLECTION}:pictured_page",
             ),
             Kind(

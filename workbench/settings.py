@@ -75,20 +75,20 @@ def parse_vary(entries: "Ranges") -> "Mapping[str, Range]":
 
 
 def range_texts(
-    entries: Sequence[str], what: str, expected: str = "name=low..high or name=word|word"
+    entries: Sequence[str], kind: str, expected: str = "name=low..high or name=word|word"
 ) -> dict[str, str]:
     """Return by name the texts that stand for ranges, of entries "name=text", for :func:`numbers` or :func:`words`.
 
-    ``what`` the names are, as "parameter", and the form ``expected`` of an entry are for messages. Raises
+    ``kind``, what the names are, as "parameter", and the form ``expected`` of an entry are for messages. Raises
     :class:`EndoctError` for an entry of another form, and a name given twice.
     """
     texts: dict[str, str] = {}
     for entry in entries:
         name, equals, text = (piece.strip() for piece in entry.partition("="))
         if not (name and equals and all(words(text))):
-            raise EndoctError(f"the range of a {what} cannot be read", found=f"'{entry}'", expected=expected)
+            raise EndoctError(f"the range of a {kind} cannot be read", found=f"'{entry}'", expected=expected)
         if name in texts:
-            raise EndoctError(f"the {what} '{name}' is given twice", found=f"'{entry}'", expected="each once")
+            raise EndoctError(f"the {kind} '{name}' is given twice", found=f"'{entry}'", expected="each once")
         texts[name] = text
     return texts
 

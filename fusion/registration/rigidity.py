@@ -51,13 +51,14 @@ them in both halves."""
 class PartFit:
     """Where a part fits best, ``along_mm`` and ``around_mm`` from where the alignment puts it, and how it correlates.
 
-    ``around_mm`` is known to a fraction of a sample. ``correlation`` is that there, and that where the alignment puts
-    the part.
+    ``around_mm`` is known to a fraction of a sample, ``along_mm`` with ``between_mm`` added. ``correlation`` is that
+    there, and that where the alignment puts the part.
     """
 
     along_mm: float
     around_mm: float
     correlation: tuple[float, float]
+    between_mm: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -102,7 +103,9 @@ def fit_part(a: Evidence, part: Evidence, reach_mm: float, reach_rad: float) -> 
     best, here = float(correlation[row, column]), float(correlation[rows, columns])
     three = correlation[row, max(0, column - 1) : column + 2]
     around = column - columns + float(vertex(*three) if three.size == 3 else 0.0)
-    return PartFit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here))
+    three = correlation[max(0, row - 1) : row + 2, column]
+    between = float(vertex(*three) if three.size == 3 else 0.0) * STEP_MM
+    return PartFit((row - rows) * STEP_MM, float(around * 2 * np.pi / N_THETA * a.radius_mm), (best, here), between)
 
 
 def _correlations(a: Evidence, b: Evidence, rows: int, columns: int) -> Coordinates:
@@ -233,17 +236,19 @@ def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[
     """Return the parts of the wall that do not lie where ``alignment`` puts B on A, the farthest off first."""
     one, two = in_one_frame(clipped(a), clipped(b), alignment, FARTHEST_MM)
     parts = [
-        *_displaced(_bands(one, two, NEAR), NEAR),
-        *_displaced(_bands(one, two, FAR), FAR),
+        *_displaced(bands(one, two, NEAR), NEAR),
+        *_displaced(bands(one, two, FAR), FAR),
         *_displaced(_sectors(one, two, NEAR), NEAR),
-        *_exchanged(list(_bands(one, two, EXCHANGED))),
+        *_exchanged(list(bands(one, two, EXCHANGED))),
         *_turned(one, two),
     ]
     return tuple(sorted((part for part in parts if part.off_mm > part.limit_mm), key=lambda part: -part.off_mm))
 
 
 @dataclass(frozen=True)
-class _Fitted:
+class FittedPart:
+    """A band or a sector from ``first`` to ``last``, mm or rad in A's frame, with where it fits best."""
+
     kind: Literal["band", "sector"]
     first: float
     last: float
@@ -252,10 +257,12 @@ class _Fitted:
 
     @property
     def part(self) -> Part:
+        """It, as a part of the wall that fits best elsewhere."""
         return Part(self.kind, self.first, self.last, self.fit.along_mm, self.fit.around_mm, self.fit.correlation)
 
 
-def _bands(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
+def bands(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
+    """Yield where each band of ``b`` fits ``a`` best, both as :func:`in_one_frame` returns them."""
     margin, tall = round(look.reach_mm / STEP_MM), round(look.tall_mm / STEP_MM)
     first_row = round(FARTHEST_MM / STEP_MM)
     band = np.zeros((tall + 2 * margin, N_THETA), np.bool_)
@@ -264,19 +271,19 @@ def _bands(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
         around = slice(first - margin, first + tall + margin)
         fit = fit_part(rows_of(a, around), part_of(rows_of(b, around), band), look.reach_mm, look.reach_rad)
         lone = any(_shows_one_cell(rows_of(each, slice(first, first + tall))) for each in (a, b))
-        yield _Fitted("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit, lone)
+        yield FittedPart("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit, lone)
 
 
-def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[_Fitted]:
+def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
     wide, step_rad = N_THETA // SECTORS, 2 * np.pi / N_THETA
     for first in range(0, N_THETA, wide // 2):
         sector = np.zeros(b.valid.shape, np.bool_)
         sector[:, np.arange(first, first + wide) % N_THETA] = True
         fit = fit_part(a, part_of(b, sector), look.reach_mm, look.reach_rad)
-        yield _Fitted("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
+        yield FittedPart("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
 
 
-def _displaced(parts: Iterator[_Fitted], look: Look) -> Iterator[Part]:
+def _displaced(parts: Iterator[FittedPart], look: Look) -> Iterator[Part]:
     """Yield the parts that are sure of their place, each by itself, and fit best elsewhere."""
     for part in parts:
         if part.fit.stands_out(clear=LONE_CLEAR if part.lone else look.clear, gain=look.better):
@@ -288,7 +295,7 @@ def _shows_one_cell(evidence: Evidence) -> bool:
     return evidence.knows_cells and label(evidence.valid & (evidence.values > CLIP[evidence.kind][1] / 2))[1] < 2
 
 
-def _exchanged(bands: Sequence[_Fitted]) -> Iterator[Part]:
+def _exchanged(bands: Sequence[FittedPart]) -> Iterator[Part]:
     """Yield pairs of bands each of which fits where the other one is."""
     sure = [band for band in bands if band.fit.stands_out(clear=EXCHANGED.clear, gain=EXCHANGED.better)]
     for one in sure:
@@ -332,19 +339,19 @@ def _halves(evidence: Evidence) -> Iterator[Evidence]:
     yield part_of(evidence, rows >= middle)
 
 
-def _clear(sectors: Iterator[_Fitted]) -> list[_Fitted]:
+def _clear(sectors: Iterator[FittedPart]) -> list[FittedPart]:
     return [sector for sector in sectors if sector.fit.correlation[0] >= APART.clear]
 
 
-def _same(sectors: Sequence[_Fitted], which: Sequence[_Fitted]) -> list[_Fitted]:
+def _same(sectors: Sequence[FittedPart], which: Sequence[FittedPart]) -> list[FittedPart]:
     """Return those of ``sectors`` in the directions of ``which``."""
     return [sector for sector in sectors if sector.first in {one.first for one in which}]
 
 
-def _apart_mm(arc: Sequence[_Fitted], rest: Sequence[_Fitted]) -> float:
+def _apart_mm(arc: Sequence[FittedPart], rest: Sequence[FittedPart]) -> float:
     """Return how far around the bore ``arc`` lies from ``rest``, mm; 0 where one of them shows nothing."""
     return _around_mm(arc) - _around_mm(rest) if arc and rest else 0.0
 
 
-def _around_mm(sectors: Sequence[_Fitted]) -> float:
+def _around_mm(sectors: Sequence[FittedPart]) -> float:
     return float(np.mean([sector.fit.around_mm for sector in sectors]))

@@ -74,10 +74,13 @@ class Declined(Exception):
 
 
 class NotInstalled(Exception):
-    """Raised by a method whose ``library`` is not installed: it is left out, and not ranked as one that fails."""
+    """Raised by a method whose ``library`` is not installed: it is left out, and not ranked as one that fails.
 
-    def __init__(self, library: str) -> None:
-        super().__init__(f"{library} is not installed; pip install {library}")
+    The reason names the ``remedy``; ``pip install`` unless the method knows another.
+    """
+
+    def __init__(self, library: str, remedy: str | None = None) -> None:
+        super().__init__(f"{library} is not installed; {remedy or f'pip install {library}'}")
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def open_shown(path: Path) -> Shown:
     )
 
 
-def shown_comparison(origin: Origin) -> Shown:
+def opened_comparison(origin: Origin) -> Shown:
     """Open a comparison. Raises :class:`EndoctError` where it is damaged."""
     folder = origin.folder
     outline = read_comparison(folder / COMPARISON_STORE)
@@ -110,7 +110,7 @@ def shown_comparison(origin: Origin) -> Shown:
     return Shown(heading, sections, description, wall, layers, origin, sides, session, masks)
 
 
-def shown_panorama(origin: Origin) -> Shown:
+def opened_panorama(origin: Origin) -> Shown:
     """Open a panorama. Raises :class:`EndoctError` where it is damaged."""
     store = origin.folder
     outline = read_panorama(store)

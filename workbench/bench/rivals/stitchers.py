@@ -1,4 +1,4 @@
-"""How one would place the strips with a whole program for stitching: OpenCV's and multiview-stitcher.
+"""How one would place the strips with a whole program for stitching: OpenCV's, m2stitch and multiview-stitcher.
 
 These see θ as a circle, as every strip is continued by some columns at either end. What they take for a bad pair is "I
 do not know". ``…_prepared`` get strips without what is the same in every strip and in every row, as ours does.
@@ -26,7 +26,7 @@ from endoct.workbench.bench.rivals.stitching import (
     prepared,
     row_mm,
 )
-from endoct.workbench.bench.task import NotInstalled
+from endoct.workbench.bench.task import Declined, NotInstalled
 from endoct.workbench.bench.tasks.stitching import StripPoses
 
 AROUND = 32
@@ -35,6 +35,7 @@ ENLARGED, LEAST_CONFIDENCE = 3, 0.3
 """OpenCV's features are as large as a strip of 64 rows, so strips are enlarged for them."""
 LEAST_AREA = 0.3
 """OpenCV fits affine maps; one that shrinks a strip to less is none."""
+M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
 LEAST_QUALITY = 0.55
 """Pairs are trusted above this rank correlation, by which multiview-stitcher judges its own."""
 Method = Callable[[Sequence[Strip], float], StripPoses]
@@ -78,6 +79,46 @@ def _shift(xy: Coordinates) -> Shift:
     return (float(xy[1]), float(xy[0]), True) if np.isfinite(xy).all() else UNKNOWN
 
 
+def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+    """m2stitch (Fukai 2022), which is MIST (Chalfoun et al. 2017) in Python, on prepared strips.
+
+    MIST is for grids of tiles with neighbours on two sides, so every strip is cut into two halves that overlap.
+    """
+    try:
+        with _quiet():
+            import m2stitch
+    except ImportError as error:
+        raise NotInstalled("m2stitch") from error
+    images, rows = prepared(strips), nominal_pitch_mm / row_mm(strips)
+    if rows < 0:  # it wants the first tile on top
+        images = images[::-1]
+    n, half = len(images), images.shape[2] // 2
+    around = pad_circle(images, AROUND)
+    tiles = np.stack([around[:, :, first : first + half + 2 * AROUND] for first in (0, half)], axis=1)
+    index = np.stack(np.meshgrid(np.arange(n), [0, 1], indexing="ij"), axis=-1).reshape(-1, 2)
+    try:
+        with _quiet():
+            grid, _ = m2stitch.stitch_images(
+                tiles.reshape(2 * n, *tiles.shape[2:]),
+                position_indices=index,
+                position_initial_guess=index * [abs(rows), half],
+                overlap_diff_threshold=M2_FARTHEST_PERCENT,
+                pou=M2_UNCERTAIN_PERCENT,
+                ncc_threshold=M2_LEAST_CORRELATION,
+                full_output=True,
+                row_col_transpose=False,
+            )
+    except AssertionError as error:
+        raise Declined(f"m2stitch gave up: {error}") from error
+    places = grid[["y_pos", "x_pos"]].to_numpy(np.float64).reshape(n, 2, 2).mean(axis=1)
+    sure = grid["top_valid3"].to_numpy(np.bool_).reshape(n, 2)[1:].any(axis=1)
+    shifts = np.diff(places, axis=0)
+    if rows < 0:
+        shifts, sure = -shifts[::-1], sure[::-1]
+    known = [(float(y), float(x), bool(is_known)) for (y, x), is_known in zip(shifts, sure, strict=True)]
+    return poses_of(known, strips, nominal_pitch_mm)
+
+
 def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     """Register neighbours where the nominal pitch lets them overlap, and place them one by one (Albert 2024)."""
     try:
@@ -99,7 +140,7 @@ def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm
         views.append(msi_utils.get_msim_from_sim(view, scale_factors=[]))
     pairs = [(k, k + 1) for k in range(len(views) - 1)]
     with _quiet(), dask.config.set(scheduler="single-threaded"):
-        registered = registration.register(
+        found = registration.register(
             views,
             transform_key=key,
             new_transform_key="registered",
@@ -109,8 +150,8 @@ def _multiview_stitcher(images: Image, strips: Sequence[Strip], nominal_pitch_mm
             groupwise_resolution_method="shortest_paths",
             return_dict=True,
         )
-    quality = registered["pairwise_registration"]["metrics"]["qualities"]
-    moved = np.array([np.asarray(matrix, np.float64).reshape(3, 3)[:2, 2] for matrix in registered["params"]])
+    quality = found["pairwise_registration"]["metrics"]["qualities"]
+    moved = np.array([np.asarray(each, np.float64).reshape(3, 3)[:2, 2] for each in found["params"]])
     shifts: list[Shift] = [
         (rows + float(y), float(x), float(np.ravel(quality[pair])[0]) > LEAST_QUALITY)
         for (y, x), pair in zip(np.diff(moved, axis=0), pairs, strict=True)

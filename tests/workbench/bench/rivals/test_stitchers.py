@@ -21,6 +21,10 @@ EASY = {
     "texture": (0.2, 0.2),
     "pits": (0.0, 0.0),
 }
+OTHERS = {
+    "m2stitch": stitchers.m2stitch_prepared,
+    "multiview_stitcher": stitchers.multiview_stitcher_prepared,
+}
 
 
 @pytest.fixture(scope="module")
@@ -47,17 +51,21 @@ def check(case: StitchingCase, method: Callable[..., stitching.StripPoses], righ
     assert scores["wrong"] <= 0.3
 
 
-def test_multiview_stitcher_places_strips_whichever_way_the_probe_moves(case: StitchingCase) -> None:
-    pytest.importorskip("multiview_stitcher", reason="multiview-stitcher is not installed", exc_type=ImportError)
-    check(case, stitchers.multiview_stitcher_prepared, 0.7)
-    check(moving_out(case), stitchers.multiview_stitcher_prepared, 0.7)
+@pytest.mark.parametrize("library", OTHERS)
+def test_a_program_places_strips_whichever_way_the_probe_moves(case: StitchingCase, library: str) -> None:
+    pytest.importorskip(library, reason=f"{library} is not installed", exc_type=ImportError)
+    check(case, OTHERS[library], 0.7)
+    check(moving_out(case), OTHERS[library], 0.7)
 
 
 def test_opencv_places_pairs_of_strips(case: StitchingCase) -> None:
     check(case, stitchers.opencv_scans_prepared, 0.5)
 
 
-def test_a_program_that_is_not_installed_is_left_out(case: StitchingCase, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "multiview_stitcher", None)
-    with pytest.raises(NotInstalled, match="multiview-stitcher is not installed"):
-        stitchers.multiview_stitcher_prepared(*case.given)
+@pytest.mark.parametrize("library", OTHERS)
+def test_a_program_that_is_not_installed_is_left_out(
+    case: StitchingCase, monkeypatch: pytest.MonkeyPatch, library: str
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(NotInstalled, match=f"{library.replace('_', '-')} is not installed"):
+        OTHERS[library](*case.given)

@@ -1,0 +1,83 @@
+"""A step along the bore: where it is found, how large, and where noise, a slope or single bands are none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bore_pairs import make_pair
+
+from endoct.base.doubt import Doubt
+from endoct.fusion.doubts import doubts_of_step
+from endoct.fusion.evidence.evidence import prepare
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.registration.steps import FEWEST_BANDS, LEAST_STEP_MM, Step, best_step, step_along
+
+Z_MM = np.arange(0.5, 20, 0.25)
+NOISE_MM = np.random.default_rng(3).normal(0, 0.02, Z_MM.size)
+
+
+def bands_with(step_mm: float, at_mm: float = 8.1, slope: float = 0.0) -> np.ndarray:
+    """How far along bands fit; those across the step lie between."""
+    beyond = np.clip((Z_MM - at_mm) + 0.5, 0, 1)
+    return step_mm * beyond + slope * Z_MM + NOISE_MM
+
+
+@pytest.mark.parametrize("step_mm", [0.2, -0.2, 0.4])
+@pytest.mark.parametrize("slope", [0.0, -0.01])
+def test_a_step_is_found_beside_a_slope(step_mm: float, slope: float) -> None:
+    along_mm = bands_with(step_mm, slope=slope)
+    along_mm[[5, 40, 60]] += [0.4, -0.4, 0.3]  # by chance
+    found = best_step(Z_MM, along_mm)
+    assert found is not None
+    assert found.along_mm == pytest.approx(step_mm, abs=0.02)
+    assert found.at_mm == pytest.approx(8.1, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    "along_mm",
+    [
+        bands_with(0.0),
+        bands_with(0.0, slope=0.02),
+        bands_with(0.9 * LEAST_STEP_MM) - 0.8 * NOISE_MM,  # clear, but too small
+        0.06 * np.sin(Z_MM),  # it bends
+        bands_with(0.2) + 8 * NOISE_MM,  # lost in noise
+    ],
+    ids=["none", "slope", "small", "bent", "noise"],
+)
+def test_what_is_no_clear_step_is_none(along_mm: np.ndarray) -> None:
+    assert best_step(Z_MM, along_mm) is None
+
+
+@pytest.mark.parametrize(("n", "found"), [(FEWEST_BANDS, True), (FEWEST_BANDS - 1, False)])
+def test_a_step_has_bands_on_either_side(n: int, found: bool) -> None:
+    z_mm = np.r_[np.arange(n), 10 + np.arange(n)].astype(float)
+    assert (best_step(z_mm, np.where(z_mm < 9, 0.0, 0.3)) is not None) == found
+    assert best_step(z_mm[:0], z_mm[:0]) is None
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_lost_slice_is_placed_and_said(lost: bool) -> None:
+    """At row 40 of 80, 0.2 mm apart, found from an alignment that splits the difference."""
+    pair = make_pair(rows=80)
+    rows = np.r_[0:40, 41:80, [79]] if lost else np.arange(80)
+    b = pair.b
+    assert b.depth_mm is not None
+    b = replace(b, intensity=b.intensity[rows], depth_mm=b.depth_mm[rows])
+    between = Alignment(pair.truth.theta_shift_rad, pair.truth.z_shift_mm + 0.1 * lost)
+    found = step_along(prepare(pair.a), prepare(b), between)
+    if not lost:
+        assert found is None
+        return
+    assert found is not None
+    assert 0.12 < found.along_mm < 0.28  # bands of 1 mm are five slices
+    at_mm = float(b.grid.z_mm[40]) + pair.truth.z_shift_mm
+    assert found.at_mm == pytest.approx(at_mm, abs=0.5)
+
+
+@pytest.mark.parametrize(("along_mm", "cause"), [(0.21, "lost"), (-0.21, "doubled")])
+def test_the_doubt_says_where_and_why(along_mm: float, cause: str) -> None:
+    (doubt,) = doubts_of_step(Step(3.14, along_mm), "oct")
+    assert doubt == Doubt("step-along-the-bore", doubt.what, side="oct", value=0.21, unit="mm", expected=(0.0, 0.12))
+    assert f"z = 3.1 mm on, the wall of oct fits best {along_mm:+.2f} mm" in doubt.what
+    assert f"may be {cause} there" in doubt.what
+    assert not list(doubts_of_step(None, "oct"))
