@@ -29,7 +29,7 @@ def side(name: str, cells: slice, depth: Image | None, unseen: slice, modality: 
 
 DEPTH = np.where(np.arange(40)[:, None] < 20, np.float32(0.5), np.float32(0.0)) * np.ones(GRID.shape, np.float32)
 A, B = side("camera", slice(10, 20), None, slice(0, 2)), side("ranger", slice(15, 30), DEPTH, slice(38, 40))
-Shown = list[tuple[SurfaceGrid, Any, Any, tuple[Any, ...]]]
+Panels = list[tuple[SurfaceGrid, Any, Any, tuple[Any, ...]]]
 
 
 @pytest.fixture
@@ -41,9 +41,9 @@ def figures(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
 
 
 @pytest.fixture
-def panels(monkeypatch: pytest.MonkeyPatch, figures: list[Figure]) -> Shown:
+def panels(monkeypatch: pytest.MonkeyPatch, figures: list[Figure]) -> Panels:
     """Grid, values, where they are known, and how they are coloured, of each panel."""
-    made: Shown = []
+    made: Panels = []
     show = surfaces.show_surface
 
     def noted(axes: Any, grid: SurfaceGrid, values: Any, known: Any, *colours: Any) -> Any:
@@ -59,7 +59,7 @@ def titles(figure: Figure) -> list[str]:
     return [title for axes in figure.axes if (title := axes.get_title("left").replace("\n", " "))]
 
 
-def test_walls_are_intensity_and_depth_of_whoever_has_it(panels: Shown, figures: list[Figure]) -> None:
+def test_walls_are_intensity_and_depth_of_whoever_has_it(panels: Panels, figures: list[Figure]) -> None:
     told = draw_panoramas(BothSides(GRID, (A, B), aligned=True))
     assert told is not None
     assert told.caption.startswith("Both lie on one grid in the frame of camera.")
@@ -74,7 +74,7 @@ def test_walls_are_intensity_and_depth_of_whoever_has_it(panels: Shown, figures:
     assert draw_walls_of([drawn], GRID, "") is None, "a mask has no intensity"
 
 
-def test_cells_and_their_difference_are_counted_where_both_observed(panels: Shown, figures: list[Figure]) -> None:
+def test_cells_and_their_difference_are_counted_where_both_observed(panels: Panels, figures: list[Figure]) -> None:
     told = draw_masks(BothSides(GRID, (A, B), aligned=True))
     assert titles(figures[0]) == ["(a) cells, camera", "(b) cells, ranger", "(c) difference"]
     assert [int(values.sum()) for _, values, _, _ in panels[:2]] == [100, 150]
@@ -92,7 +92,9 @@ def test_cells_and_their_difference_are_counted_where_both_observed(panels: Show
     assert len(titles(figures[1])) == 2
 
 
-def test_two_sides_lie_on_each_other_in_tiles_outlines_and_along_the_bore(panels: Shown, figures: list[Figure]) -> None:
+def test_two_sides_lie_on_each_other_in_tiles_outlines_and_along_the_bore(
+    panels: Panels, figures: list[Figure]
+) -> None:
     told = draw_alignment(BothSides(GRID, (A, B), aligned=True))
     assert told is not None
     # cells are dark for one and deep for the other: inverted
