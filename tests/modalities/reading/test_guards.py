@@ -19,6 +19,7 @@ from pydicom.uid import ExplicitVRLittleEndian
 from benchmarks.frame_faults.videos import with_edits
 from benchmarks.fuzz.dicom_writer import IVOCT_PRESENTATION, VIDEO_ENDOSCOPE, ivoct, pixels, write
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading import video_index
 from endoct.modalities.reading.images import read_single
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
@@ -72,6 +73,7 @@ TIFFS: dict[str, tuple[dict[int, Any], dict[str, Any]]] = {
     "found a JPEG of 48 × 64; expected 32 × 32": (
         {256: 32, 257: 32, 278: 32}, {"compression": "jpeg", "rowsperstrip": 48}
     ),
+    "found a JPEG of 48 × 64; expected 32 × 64": ({257: 32, 278: 32}, {"compression": "jpeg", "rowsperstrip": 48}),
     "is compressed in a way that is not read; found compression 34925": ({}, {"compression": "lzma"}),
     "found uint8 (48, 64, 1); expected uint8 (48, 64)": ({262: 2}, {"compression": "zlib"}),
     "found samples of [8] bits, format [5]": ({339: 5}, {"images": STACK[0].view(np.int8)}),
@@ -261,6 +263,12 @@ def test_edits_that_turn_the_order_round_are_doubted(tmp_path: Path) -> None:
     path.write_bytes(with_edits(path.read_bytes(), [(3, 2), (0, 2)]))
     (doubt,) = open_stack(path).remarks.doubts
     assert (doubt.code, "in another order than they were recorded" in doubt.what) == ("video-edited", True)
+    stamps = {0: (True, 48), 1: (False, 96), 2: (False, 144)}
+    whole, part = video_index._Walk(stamps), video_index._Walk(stamps | {0: (True, -1)})
+    for unedited, codes in ((whole, []), (part, ["video-edited"])):  # whose first frame lies who knows where
+        taken, remarks = video_index._taken(np.arange(3), whole, unedited)
+        assert taken.tolist() == [0, 1, 2]
+        assert [doubt.code for doubt in remarks.doubts] == codes
 
 
 def test_dicom_that_holds_no_frames_of_its_kind_is_refused(tmp_path: Path) -> None:
