@@ -322,9 +322,9 @@ def test_planes_of_ome_that_cannot_be_are_refused(tmp_path: Path, block: str) ->
 
 def stored(path: Path, chunk: tuple[int, ...] = (1, 48, 64), **attributes: Any) -> Path:
     group = zarr.open_group(path, mode="w", zarr_format=3)
-    group.create_array("0", data=STACK, chunks=chunk) if chunk[1] > 1 else group.create_array(
-        "0", shape=STACK.shape, dtype="u1", chunks=chunk
-    )
+    array = group.create_array("0", shape=STACK.shape, dtype="u1", chunks=chunk)
+    if chunk[1] > 1:  # of single samples there were thousands of files
+        array[:] = STACK
     axes = [{"name": axis, "type": "space"} for axis in "zyx"]
     scaled = [{"type": "scale", "scale": [1.0, 1.0, 1.0]}]
     one = {"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": scaled}]}
