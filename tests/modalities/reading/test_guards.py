@@ -141,7 +141,8 @@ def test_images_that_cannot_be_are_refused(tmp_path: Path) -> None:
 
 def saved(folder: Path, names: list[str]) -> Path:
     for k, name in enumerate(names):
-        Image.fromarray(STACK[k % 5] + np.uint8(k)).save(folder / f"{name}.png")
+        file = name if name.endswith("jpg") else f"{name}.png"
+        Image.fromarray(STACK[k % 5] + np.uint8(k)).save(folder / file)
     return folder
 
 
@@ -153,13 +154,24 @@ NAMES: dict[str, list[str]] = {
     "names-unclear": ["a1.25", "a1.3", "a1.5", "a2.0"],
     "names-without-numbers": ["one", "two", "three"],
     "names-of-several-series": ["a1-1", "a1-2", "a2-1", "a2-2"],
-    "names-negative": ["-3.5mm", "-2.5mm", "-0.5mm"],
+    "names-negative": ["-1.0mm", "-0.5mm", "0.0mm"],
+    "names-negative, or hyphens": ["a-0.5mm", "a-1.0mm", "a-1.5mm"],
+    "names-in-two-orders, one falling": ["9_1", "7_2", "5_3"],
+    "frames-of-several-kinds": ["f1", "f2.jpg", "f3"],
 }
 
 
 @pytest.mark.parametrize("code", NAMES)
 def test_what_names_of_images_leave_open_is_doubted(tmp_path: Path, code: str) -> None:
-    assert code in codes(open_stack(saved(tmp_path, NAMES[code])))
+    assert code.partition(",")[0] in codes(open_stack(saved(tmp_path, NAMES[code])))
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [(["f1", "f1.jpg", "f2"], "two images of one place that differ"), (["f1", "f2", "g1"], "images of several series")],
+)
+def test_images_that_are_not_one_recording_are_refused(tmp_path: Path, names: list[str], said: str) -> None:
+    assert said in refusal(saved(tmp_path, names))
 
 
 @pytest.mark.parametrize(
