@@ -44,11 +44,11 @@ def read_segmentation(file: DicomFile) -> CtVolume:
     on one even grid.
     """
     with reading_dicom(file.path):
-        kind = file.text("SegmentationType")
-        if kind not in ("BINARY", LABEL_MAP):
+        coding = file.text("SegmentationType")
+        if coding not in ("BINARY", LABEL_MAP):
             raise EndoctError(
                 f"{file.path} holds shares of segments, not segments",
-                found=f"SegmentationType {kind or 'not stated'}",
+                found=f"SegmentationType {coding or 'not stated'}",
                 expected="BINARY or LABELMAP",
                 remedy="export it as a binary segmentation",
             )
@@ -57,7 +57,7 @@ def read_segmentation(file: DicomFile) -> CtVolume:
         places, origin, steps = _placed(image)
         shape = int(places.max()) + 1, int(file.header.Rows), int(file.header.Columns)
         check_array_size(shape, 2, str(file.path))
-        if kind == LABEL_MAP:
+        if coding == LABEL_MAP:
             voxels: NDArray[Any] = np.zeros(shape, numbers_of(image, 0).dtype)
             if np.unique(places).size < places.size:
                 raise EndoctError(f"{file.path} is no even volume", found="two frames at one place")
@@ -67,15 +67,8 @@ def read_segmentation(file: DicomFile) -> CtVolume:
         else:
             parts = ((_segment_of(image, at, names), k, numbers_of(image, at) != 0) for at, k in enumerate(places))
             voxels, segments = layers_as_one(names, parts, shape, str(file.path))
-    return CtVolume(
-        voxels=voxels,
-        origin_mm=origin,
-        steps_mm=steps,
-        coordinates="lps",
-        kind=f"DICOM Segmentation, {image.n_frames} frames",
-        files=(file.path,),
-        segments=segments,
-    )
+    kind = f"DICOM Segmentation, {image.n_frames} frames"
+    return CtVolume(voxels, origin, steps, "lps", kind, (file.path,), segments)
 
 
 def _names(file: DicomFile) -> dict[int, str]:
@@ -151,16 +144,11 @@ def read_dicom(path: Path) -> CtVolume:
         on_padding, doubts = _of_padding(padded, name)
         if any(file.text("PhotometricInterpretation") == "MONOCHROME1" for file in files):
             notes = (*notes, "It is meant to be displayed inverted (MONOCHROME1); its values are as stored.")
+        notes = (*notes, *grid.notes, *on_padding)
+        against = (*_doubts(slices, name), *grid.doubts, *doubts)
+        kind, paths = f"DICOM, {len(slices)} slices", tuple(file.path for file in files)
         return CtVolume(
-            voxels=voxels,
-            origin_mm=grid.origin_mm,
-            steps_mm=grid.steps_mm,
-            coordinates="lps",
-            kind=f"DICOM, {len(slices)} slices",
-            files=tuple(file.path for file in files),
-            tilted=grid.tilted,
-            notes=(*notes, *grid.notes, *on_padding),
-            doubts=(*_doubts(slices, name), *grid.doubts, *doubts),
+            voxels, grid.origin_mm, grid.steps_mm, "lps", kind, paths, None, notes, against, tilted=grid.tilted
         )
 
 

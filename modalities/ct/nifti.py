@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_start
-from endoct.modalities.ct.stored import AXES, PLACE_MM, CtVolume, read_voxels
+from endoct.modalities.ct.stored import AXES, PLACE_MM, Convention, CtVolume, read_voxels
 
 GZIP = b"\x1f\x8b"
 HEADER_BYTES = 540
@@ -63,18 +63,10 @@ def read_nifti(path: Path) -> CtVolume:
         stored = _voxels(path, int(header["vox_offset"]), shape, dtype)
         voxels = _scaled(header, stored)
     signs = np.diag([-1.0, -1.0, 1.0]) if placed else np.eye(3)
-    columns = signs @ to_ras[:3, :3]
-    return CtVolume(
-        voxels=voxels,
-        origin_mm=signs @ to_ras[:3, 3],
-        steps_mm=columns.T[::-1].copy(),
-        coordinates="ras" if placed else None,
-        placed=placed,
-        kind=f"NIfTI-{1 if kind == SINGLE[0] else 2}",
-        files=(path,),
-        notes=tuple(notes),
-        doubts=tuple(doubts),
-    )
+    origin, steps = signs @ to_ras[:3, 3], (signs @ to_ras[:3, :3]).T[::-1].copy()
+    said: Convention | None = "ras" if placed else None
+    form = f"NIfTI-{1 if kind == SINGLE[0] else 2}"
+    return CtVolume(voxels, origin, steps, said, form, (path,), None, tuple(notes), tuple(doubts), placed)
 
 
 def is_our_label_map(path: Path) -> bool:

@@ -2,7 +2,9 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,9 +61,13 @@ class DicomImage(DicomFile):
     stream: NDArray[np.int64] | None = None
     doubts: tuple[Doubt, ...] = ()
 
+    @cached_property
+    def _groups(self) -> "list[Sequence[Dataset]]":
+        return [self.header.get(f"{of}FunctionalGroupsSequence") or [] for of in ("PerFrame", "Shared")]
+
     def of_frame(self, index: int, group: str, keyword: str) -> Any:
         """Return an element of a frame: of its own functional ``group``, that of all, or the header; None: nowhere."""
-        own, shared = (self.header.get(f"{of}FunctionalGroupsSequence") or [] for of in ("PerFrame", "Shared"))
+        own, shared = self._groups
         for groups in (*own[index : index + 1], *shared[:1]):
             items = groups.get(group) or []
             if len(items) and (value := items[0].get(keyword)) is not None:

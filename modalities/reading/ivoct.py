@@ -144,14 +144,17 @@ class ReadTurns:
     def __call__(self, index: int) -> NDArray[Any]:
         """Return one B-scan, in the numbers that are stored, or made linear by the table of the header."""
         (read, number), turn = self.frames[index], self.turns[index]
-        ascans = as_seen(read(number), read)
-        ascans = np.roll(ascans[: turn.n_ascans], -turn.start, axis=0)
+        ascans = as_seen(read(number), read)[: turn.n_ascans]
+        if turn.start:
+            ascans = np.roll(ascans, -turn.start, axis=0)
         if len(ascans) != self.n_ascans:
             nearest = np.rint(np.arange(self.n_ascans) * len(ascans) / self.n_ascans).astype(np.intp)
             ascans = ascans[nearest % len(ascans)]
         if self.linear is not None:
             ascans = self.linear[np.clip(ascans.astype(np.intp), 0, len(self.linear) - 1)]
-        return np.ascontiguousarray(_shifted(ascans, turn.shift).T)
+        if turn.shift:
+            ascans = _shifted(ascans, turn.shift)
+        return np.ascontiguousarray(ascans.T)
 
 
 def _shifted(ascans: NDArray[Any], shift: int) -> NDArray[Any]:

@@ -102,6 +102,12 @@ def test_two_segmentations_in_a_folder_are_refused(tmp_path: Path, volume: Drawn
         ),
         (
             lambda of: setattr(
+                _frame(of, 1), "PlaneOrientationSequence", items(ImageOrientationPatient=[1, 0, 0, 0.01, 1, 0])
+            ),
+            "frame 2 of .*has an orientation that cannot be",
+        ),
+        (
+            lambda of: setattr(
                 _frame(of, 1), "PixelValueTransformationSequence", items(ModalityLUTSequence=[Dataset()])
             ),
             r"frame 2 of .*by a table \(Modality LUT\)",
@@ -144,7 +150,9 @@ def test_too_few_slices_and_slices_too_far_askew_are_refused(tmp_path: Path, vol
     assert "slices that lie 63° askew" in refusal(write_series(tmp_path / "askew", slices))
 
 
-@pytest.mark.parametrize(("signed", "value", "limit"), [(1, 63536, None), (0, 63536, 63530), (1, -2000, -1990)])
+@pytest.mark.parametrize(
+    ("signed", "value", "limit"), [(1, 63536, None), (1, 32768, None), (0, 63536, 63530), (1, -2000, -1990)]
+)
 def test_what_was_padded_is_air(tmp_path: Path, volume: Drawn, signed: int, value: int, limit: int | None) -> None:
     slices = named_slices(volume)
     for one in slices:

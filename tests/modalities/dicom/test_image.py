@@ -343,6 +343,19 @@ def test_words_that_were_compressed_whole_are_shifted(tmp_path: Path) -> None:
     assert read(tmp_path, LS, dataset) == (WORDS[0].tolist(), [])
 
 
+def test_numbers_that_were_compressed_alone_are_not_shifted(tmp_path: Path) -> None:
+    dataset = coded([j2k(WORDS[0], bitspersample=12)], WORDS, BitsStored=12, HighBit=12)
+    assert read(tmp_path, J2K, dataset) == (WORDS[0].tolist(), [])
+
+
+def test_signed_numbers_of_which_the_least_is_white_are_turned_over(tmp_path: Path) -> None:
+    numbers = np.array([[[-2048, -1, 0, 2047]]], np.int16)
+    dataset = made(numbers.view(np.uint16), "MONOCHROME1", PixelRepresentation=1, BitsStored=12, HighBit=11)
+    image = open_image(write(dataset, tmp_path / "a.dcm"))
+    assert image.read is not None
+    assert as_seen(image.read(0), image.read).tolist() == [[2047, 0, -1, -2048]]
+
+
 def test_a_table_with_one_place_twice_leads_nowhere(tmp_path: Path) -> None:
     dataset = _fragments(b"aa", b"bb", b"cc", frames=TWO, bot=bytes(8))
     with pytest.raises(EndoctError, match="leads nowhere"):

@@ -19,6 +19,7 @@ from pydicom.uid import ExplicitVRLittleEndian
 from benchmarks.frame_faults.videos import with_edits
 from benchmarks.fuzz.dicom_writer import IVOCT_PRESENTATION, VIDEO_ENDOSCOPE, ivoct, pixels, write
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading import video_index
 from endoct.modalities.reading.images import read_single
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
@@ -72,6 +73,7 @@ TIFFS: dict[str, tuple[dict[int, Any], dict[str, Any]]] = {
     "found a JPEG of 48 × 64; expected 32 × 32": (
         {256: 32, 257: 32, 278: 32}, {"compression": "jpeg", "rowsperstrip": 48}
     ),
+    "found a JPEG of 48 × 64; expected 32 × 64": ({257: 32, 278: 32}, {"compression": "jpeg", "rowsperstrip": 48}),
     "is compressed in a way that is not read; found compression 34925": ({}, {"compression": "lzma"}),
     "found uint8 (48, 64, 1); expected uint8 (48, 64)": ({262: 2}, {"compression": "zlib"}),
     "found samples of [8] bits, format [5]": ({339: 5}, {"images": STACK[0].view(np.int8)}),
@@ -139,7 +141,8 @@ def test_images_that_cannot_be_are_refused(tmp_path: Path) -> None:
 
 def saved(folder: Path, names: list[str]) -> Path:
     for k, name in enumerate(names):
-        Image.fromarray(STACK[k % 5] + np.uint8(k)).save(folder / f"{name}.png")
+        file = name if name.endswith("jpg") else f"{name}.png"
+        Image.fromarray(STACK[k % 5] + np.uint8(k)).save(folder / file)
     return folder
 
 
@@ -151,13 +154,24 @@ NAMES: dict[str, list[str]] = {
     "names-unclear": ["a1.25", "a1.3", "a1.5", "a2.0"],
     "names-without-numbers": ["one", "two", "three"],
     "names-of-several-series": ["a1-1", "a1-2", "a2-1", "a2-2"],
-    "names-negative": ["-3.5mm", "-2.5mm", "-0.5mm"],
+    "names-negative": ["-1.0mm", "-0.5mm", "0.0mm"],
+    "names-negative, or hyphens": ["a-0.5mm", "a-1.0mm", "a-1.5mm"],
+    "names-in-two-orders, one falling": ["9_1", "7_2", "5_3"],
+    "frames-of-several-kinds": ["f1", "f2.jpg", "f3"],
 }
 
 
 @pytest.mark.parametrize("code", NAMES)
 def test_what_names_of_images_leave_open_is_doubted(tmp_path: Path, code: str) -> None:
-    assert code in codes(open_stack(saved(tmp_path, NAMES[code])))
+    assert code.partition(",")[0] in codes(open_stack(saved(tmp_path, NAMES[code])))
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [(["f1", "f1.jpg", "f2"], "two images of one place that differ"), (["f1", "f2", "g1"], "images of several series")],
+)
+def test_images_that_are_not_one_recording_are_refused(tmp_path: Path, names: list[str], said: str) -> None:
+    assert said in refusal(saved(tmp_path, names))
 
 
 @pytest.mark.parametrize(
@@ -261,6 +275,12 @@ def test_edits_that_turn_the_order_round_are_doubted(tmp_path: Path) -> None:
     path.write_bytes(with_edits(path.read_bytes(), [(3, 2), (0, 2)]))
     (doubt,) = open_stack(path).remarks.doubts
     assert (doubt.code, "in another order than they were recorded" in doubt.what) == ("video-edited", True)
+    stamps = {0: (True, 48), 1: (False, 96), 2: (False, 144)}
+    whole, part = video_index._Walk(stamps), video_index._Walk(stamps | {0: (True, -1)})
+    for unedited, codes in ((whole, []), (part, ["video-edited"])):  # whose first frame lies who knows where
+        taken, remarks = video_index._taken(np.arange(3), whole, unedited)
+        assert taken.tolist() == [0, 1, 2]
+        assert [doubt.code for doubt in remarks.doubts] == codes
 
 
 def test_dicom_that_holds_no_frames_of_its_kind_is_refused(tmp_path: Path) -> None:
@@ -314,9 +334,9 @@ def test_planes_of_ome_that_cannot_be_are_refused(tmp_path: Path, block: str) ->
 
 def stored(path: Path, chunk: tuple[int, ...] = (1, 48, 64), **attributes: Any) -> Path:
     group = zarr.open_group(path, mode="w", zarr_format=3)
-    group.create_array("0", data=STACK, chunks=chunk) if chunk[1] > 1 else group.create_array(
-        "0", shape=STACK.shape, dtype="u1", chunks=chunk
-    )
+    array = group.create_array("0", shape=STACK.shape, dtype="u1", chunks=chunk)
+    if chunk[1] > 1:  # of single samples there were thousands of files
+        array[:] = STACK
     axes = [{"name": axis, "type": "space"} for axis in "zyx"]
     scaled = [{"type": "scale", "scale": [1.0, 1.0, 1.0]}]
     one = {"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": scaled}]}

@@ -248,6 +248,8 @@ def test_a_converters_layout_is_entered(tmp_path: Path) -> None:
     zarr.open_group(tmp_path / "a.zarr", mode="w", zarr_format=2).attrs.update({"bioformats2raw.layout": 3})
     ngff(tmp_path / "a.zarr" / "0", version="0.4")
     np.testing.assert_array_equal(read(tmp_path / "a.zarr"), STACK)
+    ngff(tmp_path / "a.zarr" / "1", version="0.4")
+    assert "holds more than one recording" in refusal(tmp_path / "a.zarr")
 
 
 def changed(path: Path, where: str, **values: Any) -> Path:
