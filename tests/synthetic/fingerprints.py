@@ -19,6 +19,7 @@ from endoct.synthetic.model import Model, build_model
 from endoct.synthetic.oct import bscan
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import Range
+from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, spectra_sidecar, tube_file
 from endoct.synthetic.truth import recording
 
 FILE = Path(__file__).with_suffix(".json")
@@ -63,8 +64,13 @@ def numbers_in(value: object) -> Iterator[float]:
 
 
 def of_sample(preset: str) -> dict[str, ArrayLike]:
-    """Return all that is drawn for a preset, by seed."""
-    return {f"seed {seed}": [*numbers_in(draw(preset, seed).model_dump())] for seed in range(2)}  # type: ignore[arg-type]
+    """Return all that is drawn for a preset, and what is stated of it, by seed."""
+    samples = {seed: draw(preset, seed) for seed in range(2)}  # type: ignore[arg-type]
+    stated = endoscope_sidecar, oct_sidecar, spectra_sidecar, tube_file
+    return {f"seed {seed}": [*numbers_in(sample.model_dump())] for seed, sample in samples.items()} | {
+        f"stated of seed {seed}": [*numbers_in([keys_of(sample) for keys_of in stated])]
+        for seed, sample in samples.items()
+    }
 
 
 def of_wall(kind: str) -> dict[str, ArrayLike]:
