@@ -10,7 +10,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import LISTED_FILES, digests
 from endoct.modalities.acquisition import overridden
 from endoct.modalities.registry import manifests
-from endoct.workbench.settings import parse, split
+from endoct.workbench.settings import parse, ranges_text, split
 
 
 def test_values_are_toml_or_else_words() -> None:
@@ -81,3 +81,9 @@ def test_many_files_share_one_digest_that_each_of_them_changes(tmp_path: Path) -
     assert list(before) == [str(tmp_path / "*")]
     (tmp_path / "0.bin").write_bytes(b"other")
     assert digests(tmp_path) != before
+
+
+def test_ranges_are_said_as_a_user_states_them() -> None:
+    ranges = {"b.c": (0.5, 2), "a.x": ("step", "helical"), "d.e": (3, 3)}
+    assert ranges_text(ranges) == "a.x=step|helical b.c=0.5..2 d.e=3..3"
+    assert ranges_text({}) == "nothing"

@@ -1,6 +1,8 @@
 """Intervals hold what they say, distances are those of a cylinder, and agreement is as the textbooks have it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.pose.fit import PoseFit
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.paired import equivalence, limits_of_agreement
-from endoct.fusion.pose.pose import BorePose, angle_of, difference, length_of, offset_at, sampled_axes
+from endoct.fusion.pose.pose import BorePose, angle_of, difference, ends_of, length_of, offset_at, sampled_axes
 from endoct.fusion.pose.structures import Structure, clearance, depth_of_passing, structures_near
 from endoct.fusion.pose.wall import OF_SIDE, SHARED, Sense, directions
 from endoct.modalities.ct.ct_volume import CtVolume
@@ -160,3 +162,16 @@ def test_equivalence_is_found_where_there_is_any_and_at_5_percent_at_the_bound()
         equivalence(np.ones(4), 0.0)
     with pytest.raises(EndoctError, match="3 bores at least"):
         limits_of_agreement(np.ones(2))
+
+
+def test_the_ends_of_a_side_are_the_depths_of_its_first_and_last_row() -> None:
+    sides = SimpleNamespace(z_mm=np.array([9.0])), SimpleNamespace(z_mm=np.array([1.0, 2.0, 4.0]))
+    pose: Any = SimpleNamespace(
+        names=("a", "b"), fit=SimpleNamespace(sides=sides), depth_of=lambda name, z_mm: 10 * z_mm + (name == "b"),
+        depth_deviation_mm=lambda name, z_mm: z_mm / 10,
+    )  # fmt: skip
+    first, last = ends_of(pose, "b")
+    assert (first.value, last.value) == (11, 41)
+    assert (last.high - last.value) / (first.high - first.value) == pytest.approx(4)
+    (only, same) = ends_of(pose, "a")
+    assert only == same

@@ -9,6 +9,7 @@ import ssl
 import stat
 import subprocess
 import sys
+import tarfile
 import tempfile
 import threading
 import time
@@ -32,7 +33,8 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.identity import check_worker, write_identity
 from endoct.workbench.dataset.plan import Job, Plan, units
-from endoct.workbench.dataset.unit_files import Done, _make_on_worker, make_unit
+from endoct.workbench.dataset.set_files import add_member
+from endoct.workbench.dataset.unit_files import Done, _make_on_worker, copy_specimens, make_unit
 from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
 PLAN = Plan(9, seed=5)
@@ -306,3 +308,16 @@ def test_no_scheduler_and_a_worker_that_does_not_see_the_set(tmp_path: Path, mon
         check_worker(tmp_path / "set")
     with pytest.raises(EndoctError, match="exclude"):
         make_dataset(tmp_path / "set", PLAN, workers=2, scheduler="tcp://127.0.0.1:9")
+
+
+def test_a_shard_takes_over_what_an_older_one_holds(tmp_path: Path) -> None:
+    members = {"a.txt": b"one", "b.npy": bytes(600)}
+    with tarfile.open(tmp_path / "old.tar", "w") as old:
+        for name, data in members.items():
+            add_member(old, name, data)
+    with tarfile.open(tmp_path / "new.tar", "w") as new:
+        copy_specimens(tmp_path / "old.tar", new)
+        add_member(new, "c.txt", b"two")
+    with tarfile.open(tmp_path / "new.tar") as made:
+        files = {member.name: made.extractfile(member) for member in made}
+        assert {name: file.read() for name, file in files.items() if file} == {**members, "c.txt": b"two"}

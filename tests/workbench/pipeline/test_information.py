@@ -325,3 +325,17 @@ def test_so_many_files_are_opened_at_most(tmp_path: Path, monkeypatch: pytest.Mo
     unread = unread_next_to(tmp_path / "endo", manifest, ()).to_json()
     assert unread["count"] == 5
     assert [each["why"].split(",")[0] for each in unread["files"][1:3]] == ["5 bytes; expected PNG", "not looked at"]
+
+
+def test_pictures_lie_side_by_side_on_one_grey_scale() -> None:
+    """From 100 to 300 in all: the darkest of the first is black, and the middle of the second is grey."""
+    first, second = np.full((20, 30), 100, np.uint16), np.full((20, 30), 200, np.uint16)
+    second[:, 15:] = 300
+    both = side_by_side((first, second))
+    assert both.shape == (20, 30 + 6 + 30)
+    assert (both[:, :30] == 0).all()
+    assert (both[:, 30:36] == 255).all()
+    assert (np.abs(both[:, 36:51] - 127.5) <= 1).all()
+    assert (both[:, 51:] == 255).all()
+    assert side_by_side((np.zeros((960, 480), np.uint8),)).shape == (480, 240)
+    assert side_by_side((np.zeros((4000, 500), np.uint8),)).shape == (480, 240), "uneven ones are drawn less so"
