@@ -107,7 +107,7 @@ def test_both_sides_are_placed_as_they_will_be_scored(pair: Pair, correct_twist:
     parameters = COARSE.model_copy(update={"correct_twist": correct_twist})
     shown = place_sides(*two_sides(pair.a, pair.b), parameters)
     found = score_placed(shown, parameters)
-    assert (shown.grid, shown.sides, shown.alignment) == (found.grid, found.sides, found.alignment)
+    assert (shown.grid, shown.sides, shown.outcome.alignment) == (found.grid, found.sides, found.alignment)
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:
