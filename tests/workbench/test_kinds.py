@@ -16,7 +16,7 @@ from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
 from endoct.workbench import kinds
 from endoct.workbench.desk.study import inputs_in
-from endoct.workbench.exporting.source import open_source as open_export
+from endoct.workbench.exporting.source import open_for_export
 from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
 from endoct.workbench.page.collection import entries_in
 from endoct.workbench.page.opening import can_be_shown
@@ -74,7 +74,7 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     if row.listed:
         assert (listed[kind].kind, listed[kind].fault) == (row.title, "")
         assert listed[kind].can_be_opened == bool(row.shown) == can_be_shown(path)
-    assert _refused(open_export, path) == (kind not in ("comparison", "panorama", "specimen"))
+    assert _refused(open_for_export, path) == (kind not in ("comparison", "panorama", "specimen"))
     is_side = kind in ("panorama", "mask", "recording")
     assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
     assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")

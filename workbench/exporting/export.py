@@ -10,7 +10,7 @@ from endoct.base.files.files import path_text
 from endoct.base.files.output import check_output, never, new_output
 from endoct.workbench.exporting.formats import FORMATS, Format, format_for
 from endoct.workbench.exporting.mark import is_marked
-from endoct.workbench.exporting.source import open_source
+from endoct.workbench.exporting.source import open_for_export
 from endoct.workbench.requests import ExportRequest, FormatName, by_request
 from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import stages_for
@@ -55,7 +55,7 @@ def export(request: ExportRequest) -> Exported:
     path, output, overwrite = Path(request.path), Path(request.output), request.overwrite
     chosen = format_for(request.to, output)
     _check_options(chosen, request)
-    source, stages = open_source(path), stages_for(request.progress)
+    source, stages = open_for_export(path), stages_for(request.progress)
     is_ours = is_marked if chosen.is_marked and not chosen.is_folder else never
     inputs = [path, source.folder]
     if output.is_file() and not chosen.is_marked and overwrite:
