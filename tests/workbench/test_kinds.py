@@ -14,7 +14,7 @@ from workbench_page import written
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
-from endoct.workbench import kinds
+from endoct.workbench import kinds, load
 from endoct.workbench.desk.study import inputs_in
 from endoct.workbench.exporting.source import open_source as open_export
 from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
@@ -37,10 +37,11 @@ def study(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     shutil.copytree(top / "comparison" / "panoramas" / "oct.zarr", top / "panorama")
     shutil.copytree(quick_specimen, top / "specimen", ignore=shutil.ignore_patterns("labels"))
     shutil.copytree(quick_specimen / "oct", top / "recording")
+    shutil.copytree(quick_specimen / "oct", top / "specimen" / "truth" / "again")
     (top / DATA_SET).mkdir()
     (top / DATA_SET / "dataset.json").write_text(json.dumps({"count": 0, "arguments": {}, "versions": {}}))
     (top / POSE).mkdir()
-    (top / POSE / "pose.json").write_text("{}")
+    (top / POSE / "pose.json").write_text(json.dumps({"sides": ["oct"], "told": False, "reason": "why not"}))
     said = {"format": "endoct-output-1", "kind": POSE, "files": {}, "parts": {}}
     (top / POSE / "endoct-output.json").write_text(json.dumps(said))
     write_series(top / "volume", named_slices(drawn(Random(1))))
@@ -67,10 +68,13 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     path, row = _at(study, kind), KINDS[kind]
     assert kind_at(path) == kind
     assert output_at(path) == (None if kind in kinds.INPUTS else kind)
-    for named in (row.described, row.listed, row.shown, row.pictured):
+    for named in (row.described, row.loaded, row.listed, row.shown, row.pictured):
         assert not named or callable(reader(named))
+    assert bool(row.listed) == bool(row.pictured)
+    assert _refused(load, path) != bool(row.loaded)
     listed = {entry.name: entry for entry in entries_in(study)}
     assert (kind in listed) == bool(row.listed)
+    assert not [name for name in listed if "/" in name]  # nothing is looked for inside what is listed
     if row.listed:
         assert (listed[kind].kind, listed[kind].fault) == (row.title, "")
         assert listed[kind].can_be_opened == bool(row.shown) == can_be_shown(path)
@@ -78,6 +82,26 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     is_side = kind in ("panorama", "mask", "recording")
     assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
     assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")
+
+
+def test_a_sidecar_makes_a_recording_of_what_lies_next_to_it(study: Path, tmp_path: Path) -> None:
+    shutil.copy(study / "plan", tmp_path / "plan")
+    assert kind_at(tmp_path / "plan") == "plan"
+    (tmp_path / "acquisition.toml").write_text("")
+    assert kind_at(tmp_path / "plan") == "recording"
+
+
+def test_a_folder_that_is_listed_lists_what_lies_in_it(study: Path) -> None:
+    names = [entry.name for entry in entries_in(study / "comparison")]
+    assert names == ["panoramas/endoscope.zarr", "panoramas/oct.zarr"]
+
+
+def test_one_side_of_a_comparison_is_named_with_a_colon(study: Path) -> None:
+    for folder, of in (("comparison", "comparison/panoramas/oct.zarr"), ("recording", "recording:oct")):
+        source = Source(study / f"{folder}:oct", None, {})
+        assert side_of_comparison(source).path == study / of
+    with pytest.raises(EndoctError, match="has no such side; found ct; expected endoscope, oct"):
+        side_of_comparison(Source(study / "comparison:ct", None, {}))
 
 
 def test_what_it_says_of_itself_is_its_kind(study: Path) -> None:
