@@ -14,6 +14,7 @@ from workbench_page import written
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading import images
 from endoct.workbench import kinds, load
 from endoct.workbench.desk.study import inputs_in
 from endoct.workbench.exporting.source import open_source as open_export
@@ -82,6 +83,14 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     is_side = kind in ("panorama", "mask", "recording")
     assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
     assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")
+
+
+def test_a_single_image_is_decoded_once(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded: list[Path] = []
+    read = images.read_single
+    monkeypatch.setattr(images, "read_single", lambda path: (decoded.append(path), read(path))[1])
+    assert kind_at(study / "mask.PNG") == "mask"
+    assert decoded == [study / "mask.PNG"]
 
 
 def test_a_sidecar_makes_a_recording_of_what_lies_next_to_it(study: Path, tmp_path: Path) -> None:
