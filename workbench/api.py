@@ -134,9 +134,9 @@ def load(path: Path | str) -> "Comparison | Panorama | dict[str, Any]":
     >>> load("demo/comparison/panoramas/oct.zarr").modality
     'oct'
     """
-    from endoct.workbench.kinds import KINDS, output_at, reader
+    from endoct.workbench.kinds import reader, row_at
 
-    row = KINDS.get(output_at(Path(path)) or "")
+    row = row_at(Path(path))
     if row is None or not row.loaded:
         raise EndoctError(
             f"{path} cannot be loaded",

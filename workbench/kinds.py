@@ -140,6 +140,11 @@ def output_at(path: Path) -> str | None:
     return next(outputs, None) or kind_of(path)
 
 
+def row_at(path: Path) -> Kind | None:
+    """Return the row of the output at ``path``; None where there is none. Raises what :func:`output_at` does."""
+    return KINDS.get(output_at(path) or "")
+
+
 def kind_at(path: Path) -> str:
     """Return which kind lies at ``path``; RECORDING where that is left, as a sidecar says or a plug-in has to.
 
