@@ -14,13 +14,15 @@ from workbench_page import written
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
+from endoct.base.files.contents import seal
 from endoct.modalities.reading import images
 from endoct.workbench import kinds, load
 from endoct.workbench.desk.study import inputs_in
 from endoct.workbench.exporting.source import open_source as open_export
-from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
-from endoct.workbench.page.collection import entries_in
-from endoct.workbench.page.opening import can_be_shown
+from endoct.workbench.kinds import KINDS, Kind, kind_at, output_at, places_in, reader
+from endoct.workbench.page.collection import collection_html, entries_in
+from endoct.workbench.page.opening import can_be_shown, open_shown
+from endoct.workbench.page.presence import Origin
 from endoct.workbench.pipeline.information import describe
 from endoct.workbench.pipeline.unread import Unread
 from endoct.workbench.running.outputs import DATA_SET, POSE
@@ -83,6 +85,33 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     is_side = kind in ("panorama", "mask", "recording")
     assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
     assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")
+
+
+def said(path: Path) -> dict[str, object]:
+    """Stand for what describes, lists and loads an album."""
+    return {"what": f"an album of {path.name}"}
+
+
+def shown(_: Origin) -> str:
+    """Stand for what opens its page."""
+    return "its page"
+
+
+def test_a_new_kind_is_a_row_and_its_readers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "trip").mkdir()
+    (tmp_path / "trip" / "album.json").write_text("{}")
+    seal(tmp_path / "trip", "album")
+    by = dict.fromkeys(("described", "listed", "loaded", "pictured"), f"{__name__}:said")
+    row = Kind("album", lambda path: (path / "album.json").is_file(), title="album", shown=f"{__name__}:shown", **by)
+    before = entries_in(tmp_path)
+    monkeypatch.setitem(kinds.KINDS, "album", row)
+    (entry,) = entries_in(tmp_path)
+    assert (before, entry.name, entry.kind, entry.what) == ((), "trip", "album", "an album of trip")
+    assert entry.can_be_opened
+    assert "<span>1 album</span>" in collection_html("all", (entry,), "v")
+    assert describe(tmp_path / "trip") == load(tmp_path / "trip") == said(tmp_path / "trip")
+    assert open_shown(tmp_path / "trip") == "its page"
+    assert [(verdict.kind, verdict.intact) for verdict in verify(tmp_path, progress=False)] == [("album", True)]
 
 
 def test_a_single_image_is_decoded_once(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
