@@ -38,12 +38,8 @@ class Exported:
 def export(request: ExportRequest) -> Exported:
     """Write a panorama, a comparison or a simulated specimen's truth for another program to open, sizes in mm.
 
-    Arguments are those of :class:`~endoct.workbench.requests.ExportRequest`. ``to`` is the format; without it the
-    suffix of ``output`` says. ``color``: what colours a wall, a side's name for its brightness or "relief". ``side``:
-    whose relief a wall has, or whose numbers per frame a table. ``voxel_mm``: size of the voxels of a volume across the
-    bore (0.01). ``vertex_mm``: distance of the vertices of a wall (0.02). ``version`` of OME-Zarr (0.5). ``inverse``: a
-    transform from the first side's frame to the second's. Raises :class:`EndoctError` where ``path`` has nothing of the
-    kind, an option is not one of the format, or ``output`` exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.ExportRequest`. Raises :class:`EndoctError` where ``path``
+    has nothing of the kind, an option is not one of the format, or ``output`` exists and ``overwrite`` is not set.
 
     With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
 
