@@ -34,6 +34,10 @@ SINCE = "67ffa19"
 LOADED = ("numpy", "scipy.ndimage", "scipy.optimize", "scipy.stats", "scipy.signal", "cv2", "numba", "zarr", "pydantic",
           "tyro", "tifffile", "pydicom", "skimage.measure", "jinja2", "rich")  # fmt: skip
 """Loaded once, for all mutants: libraries, never a module of the product."""
+COMPILED_S = 20
+"""So much longer may the tests of a module take whose machine code is compiled anew."""
+SIMULATING = ("base/", "stitching/", "synthetic/")
+"""Modules that the specimen which tests share is made by; without a fault in them it is made once for all mutants."""
 PER_TEST, LONGEST = 2, 200
 """What has not ended after so many times the time, of the processor and of the clock, does not end."""
 
@@ -70,8 +74,9 @@ def main() -> int:
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
         tree = copied_tree(Path(scratch) / "tree")
+        specimen = shared_specimen(Path(scratch) / "quick_specimen")
         for mutant in mutants:
-            by = caught_by(tree, mutant, options.seconds)
+            by = caught_by(tree, mutant, options.seconds, specimen)
             caught.setdefault(mutant.kind, []).append(by is not None)
             said = f"{'LIVES ' if by is None else 'caught'} {mutant.kind:10} {mutant.module}:{mutant.line}  "
             said += f"{mutant.change}" + (f"  by {by}" if by else "")
@@ -137,29 +142,43 @@ def copied_tree(folder: Path) -> Path:
     return folder
 
 
-def caught_by(tree: Path, mutant: Mutant, seconds: int) -> str | None:
-    """Return the test that fails with a mutant in its place in ``tree`` and passes without, None where none does."""
+def shared_specimen(folder: Path) -> Path:
+    """Simulate the specimen that tests share into ``folder``, in a process that loads nothing here; return that."""
+    made = "import pathlib, sys; from endoct.synthetic.specimen import simulate as of; "
+    made += "of(pathlib.Path(sys.argv[1]), preset='quick', seed=1000)"
+    subprocess.run([sys.executable, "-c", made, str(folder)], check=True)
+    return folder
+
+
+def caught_by(tree: Path, mutant: Mutant, seconds: int, specimen: Path | None = None) -> str | None:
+    """Return the test that fails with a mutant in its place in ``tree`` and passes without, None where none does.
+
+    ``specimen`` is the one that tests share, simulated beforehand.
+    """
+    seconds += COMPILED_S * ("@compiled" in mutant.source)
+    specimen = None if mutant.module.startswith(SIMULATING) else specimen
     file = tree / mutant.module
     sound, made = file.read_bytes(), file.stat().st_mtime_ns
     file.write_text(mutant.source, "utf-8")
     try:
-        failed = first_failure(tree, mutant.tests, seconds)
+        failed = first_failure(tree, mutant.tests, seconds, specimen)
     finally:
         file.write_bytes(sound)
         os.utime(file, ns=(made, made))  # what was compiled of it holds again
-    if failed and first_failure(tree, [failed], seconds):
-        raise SystemExit(f"{failed} fails without a mutant, or takes more than {PER_TEST * seconds} s")
+    if failed and first_failure(tree, [failed], seconds, specimen):
+        print(f"{failed} fails without a mutant, or takes more than {PER_TEST * seconds} s: it catches nothing")
+        return None
     return failed
 
 
-def first_failure(tree: Path, tests: Sequence[str], seconds: int) -> str | None:
+def first_failure(tree: Path, tests: Sequence[str], seconds: int, specimen: Path | None = None) -> str | None:
     """Return the first test that fails in ``tree``, or does not end, or the module that cannot be loaded."""
     note = tree.parent / "running"
     note.write_text("")
     if (child := os.fork()) == 0:
         status = 1
         with suppress(BaseException):
-            status = int(_fails(tree, tests, seconds, note))
+            status = int(_fails(tree, tests, seconds, note, specimen))
         os._exit(status)
     until = time.monotonic() + LONGEST * seconds
     while not (ended := os.waitpid(child, os.WNOHANG))[0]:
@@ -171,7 +190,7 @@ def first_failure(tree: Path, tests: Sequence[str], seconds: int) -> str | None:
     return (note.read_text() or tests[0]) if ended[1] else None
 
 
-def _fails(tree: Path, tests: Sequence[str], seconds: int, note: Path) -> bool:
+def _fails(tree: Path, tests: Sequence[str], seconds: int, note: Path, specimen: Path | None) -> bool:
     """Run tests in this process; return whether one failed before the time was up."""
     os.setpgid(0, 0)
     os.chdir(tree)
@@ -183,7 +202,7 @@ def _fails(tree: Path, tests: Sequence[str], seconds: int, note: Path) -> bool:
     for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
         del sys.modules[name]
     resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + PER_TEST * seconds,) * 2)
-    watch = _Watch(note, time.process_time() + seconds)
+    watch = _Watch(note, time.process_time() + seconds, specimen)
     options = ["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
     options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # of the libraries that are loaded already
     pytest.main([*options, *tests], plugins=[watch])
@@ -193,13 +212,18 @@ def _fails(tree: Path, tests: Sequence[str], seconds: int, note: Path) -> bool:
 class _Watch:
     """Has tests with costly fixtures run last, notes which one runs, and ends when the time is up."""
 
-    def __init__(self, note: Path, until: float) -> None:
-        self._note, self._until = note, until
+    def __init__(self, note: Path, until: float, specimen: Path | None) -> None:
+        self._note, self._until, self._specimen = note, until, specimen
         self.failed = False
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         costly = ("tmp_path_factory", "browser", "page")
         items.sort(key=lambda item: any(name in costly for name in getattr(item, "fixturenames", ())))
+
+    def pytest_collection_finish(self, session: pytest.Session) -> None:
+        if self._specimen is not None and (made := getattr(session.config, "_tmp_path_factory", None)) is not None:
+            # where tests/conftest.py looks for it; a mutant may spoil it
+            shutil.copytree(self._specimen, made.getbasetemp() / "quick_specimen")
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         self._note.write_text(nodeid)

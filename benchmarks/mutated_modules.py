@@ -34,7 +34,7 @@ def changed_lines(since: str) -> Mapping[str, frozenset[int]]:
 def tests_of(module: str) -> tuple[str, ...]:
     """Return the tests of a module: those of its name, those that import it, those of what imports it, of its folder.
 
-    Among those alike the ones come first that share most folders with it.
+    Among those alike the ones come first that share most folders with it, and have fewest of their own.
     """
     path = Path(module)
     own = [f"tests/{folder}/test_{path.stem}.py" for folder in (path.parent, path.parent.parent)]
@@ -42,7 +42,7 @@ def tests_of(module: str) -> tuple[str, ...]:
     ring, seen = [module], {module}
     while ring and len(tests) < MOST_TESTS:
         near = [test for test, names in _imports("tests").items() if names & {_dotted(one) for one in ring}]
-        tests |= dict.fromkeys(sorted(near, key=lambda test: (-_shared(test, module), test)))
+        tests |= dict.fromkeys(sorted(near, key=lambda test: (-_shared(test, module), len(Path(test).parts), test)))
         ring = sorted({above for one in ring for above in _importers(one)} - seen)
         seen |= set(ring)
     folder = max((test for test in _imports("tests")), key=lambda test: _shared(test, module))

@@ -113,6 +113,33 @@ def test_what_is_damaged_is_read_or_refused_in_one_line(tmp_path: Path) -> None:
     assert sum(sum(ends.values()) for ends in account.ends.values()) >= 1400
 
 
+def test_damaged_weights_are_read_each_by_itself(tmp_path: Path) -> None:
+    """As cases lie: one after the other in one place."""
+    (sound,) = seeds_of("eye")
+    whole, read, path = sound.files[sound.target], READERS["eye"].read, tmp_path / sound.target
+    assert isinstance(whole, bytes)
+    kinds_of = []
+    for data in (whole, whole[:-2] + b"\xff\x7f", whole):
+        path.write_bytes(data)
+        kinds_of.append(outcome_of(read, path, case=tmp_path, seconds=PATIENT_S).kind)
+    assert kinds_of == [READ, REFUSED, READ]
+
+
+def test_an_output_is_replaced_only_as_it_was_written(tmp_path: Path) -> None:
+    of = {seed.name: seed for seed in seeds_of("outputs")}
+    sound, read = of["output, without a part"], READERS["outputs"].read
+    for name, changed, gone in (
+        ("whole", {}, True),
+        ("lacks", {"out/zarr.json": None}, True),
+        ("more", {"out/thesis.tex": b"mine"}, False),
+        ("altered", {"out/zarr.json": b"{}"}, False),
+    ):
+        case = tmp_path / name
+        write_tree({path: data for path, data in (sound.files | changed).items() if data is not None}, case)
+        assert outcome_of(read, case / "out", case=case, seconds=PATIENT_S).kind == READ
+        assert ([path.name for path in (case / "out").iterdir()] == ["endoct-output.json"]) is gone
+
+
 def test_an_account_says_what_was_never_entered() -> None:
     account = Account()
     for sound, outcome, entered in (

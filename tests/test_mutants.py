@@ -88,10 +88,16 @@ def test_who_fails_is_named_and_who_passes_is_not(tmp_path: Path) -> None:
         "import sys\nsys.path.insert(0, '.')\nimport one\n"
         "def test_sum():\n    assert one.VALUE + 1 == 2\n"
         "def test_ends():\n    while one.VALUE == 3: pass\n"
+        "def test_has_the_specimen(tmp_path_factory):\n"
+        "    assert (tmp_path_factory.getbasetemp() / 'quick_specimen' / 'oct').is_dir()\n"
     )
+    (tmp_path / "specimen" / "oct").mkdir(parents=True)
     tests = ("tests/test_one.py",)
-    assert mutants.first_failure(tree, tests, 1) is None
+    assert mutants.first_failure(tree, tests, 1, tmp_path / "specimen") is None
+    assert (mutants.first_failure(tree, tests, 1) or "").endswith("test_has_the_specimen")
     for source, by in (("VALUE = 2\n", "test_sum"), ("VALUE =\n", "")):
         mutant = mutants.Mutant("constant", "one.py", 1, "", source, tests)
-        assert (mutants.caught_by(tree, mutant, 1) or "").endswith(f"::{by}" if by else "test_one.py")
+        assert (mutants.caught_by(tree, mutant, 1, tmp_path / "specimen") or "").endswith(
+            f"::{by}" if by else "test_one.py"
+        )
         assert (tree / "one.py").read_text() == "VALUE = 1\n"

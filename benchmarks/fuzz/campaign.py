@@ -19,6 +19,8 @@ from benchmarks.fuzz.readers import READERS
 from benchmarks.fuzz.trees import copy_case
 
 BATCH = 250
+FEWEST = 10
+"""Cases of a reader at least: of fewer it might well read none."""
 STORED_ALIKE = 3
 """Of findings of one kind at one place so many are stored."""
 PATIENCE = 12.0
@@ -94,7 +96,7 @@ def plan_cases(count: int, readers: Sequence[str], *, sound: int = 0) -> list[li
     shares = {name: READERS[name].share for name in readers}
     batches = [[Case(name, -1 - k) for k in range(sound)] for name in readers] if sound else []
     for name, share in shares.items():
-        n = max(1, round(count * share / sum(shares.values())))
+        n = max(FEWEST, round(count * share / sum(shares.values())))
         batches += [[Case(name, k) for k in range(first, min(first + BATCH, n))] for first in range(0, n, BATCH)]
     return batches
 

@@ -97,7 +97,7 @@ def _mutator(name: str, data: bytes) -> Callable[[bytes, Random], bytes]:
     ends: dict[str, Callable[[bytes, Random], bytes]] = {
         ".toml": mutate_toml, ".csv": mutate_csv, ".txt": mutate_csv, ".mp4": mutate_video, ".mov": mutate_video,
         ".tar": lambda data, rng: mutate_tar(data, rng, _inner), ".json": mutate_json,
-        ".fcsv": mutate_csv, ".ctbl": mutate_csv, ".xml": mutate_xml,
+        ".fcsv": mutate_csv, ".ctbl": mutate_csv, ".xml": mutate_xml, ".safetensors": _mutate_weights,
     }  # fmt: skip
     path = PurePosixPath(name)
     if path.name in ("zarr.json", ".zarray", ".zattrs", ".zgroup", ".zmetadata"):
@@ -117,6 +117,15 @@ def _mutate_gzip(data: bytes, rng: Random) -> bytes:
     if rng.random() < 0.3:
         return mutate_bytes(data, rng)
     return gzip.compress(mutate_bytes(gzip.decompress(data), rng), mtime=0)
+
+
+def _mutate_weights(data: bytes, rng: Random) -> bytes:
+    """Return safetensors whose table of arrays was changed, which has its length before it, or their values."""
+    begin = 8 + int.from_bytes(data[:8], "little")
+    if rng.random() < 0.5:
+        return data[:begin] + mutate_bytes(data[begin:], rng)
+    table = mutate_json(data[8:begin], rng)
+    return len(table).to_bytes(8, "little") + table + data[begin:]
 
 
 def _npy_of_text(data: bytes, rng: Random) -> bytes:

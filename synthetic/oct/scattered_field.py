@@ -72,7 +72,7 @@ class Scattered:
         for first in range(0, n_columns, COLUMNS):
             columns = slice(first, min(n_columns, first + COLUMNS))
             field = fft.ifft(self.bone[columns], n * finer, norm="forward")
-            if n_m != n or first_m != 0:
+            if n_m != n * finer or first_m != 0:
                 field = field[:, m]
             cycles = self.delay_px[of, columns] / n
             field += _reflected(cycles, self.amplitude[of, columns], first_m - (n - 1) / 2, 1 / finer, n_m)

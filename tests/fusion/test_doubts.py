@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from doubted import outside
 
 from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import (
@@ -12,6 +13,7 @@ from endoct.fusion.doubts import (
     doubts_of_alignment,
     doubts_of_largest_cell,
     doubts_of_orientation,
+    doubts_of_parts,
     doubts_of_scale,
     doubts_of_scores,
     scale_at_limit,
@@ -21,6 +23,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import largest_cell_share, remedies
+from endoct.fusion.registration.rigidity import Part
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import AxialScale, Panorama
@@ -29,7 +32,7 @@ ALIGNED = Alignment(0.1, 0.2, 1.01, confidence=0.3)
 
 
 def of_alignment(alignment: Alignment = ALIGNED, **parameters: Any) -> list[Doubt]:
-    return list(doubts_of_alignment(alignment, CompareParameters(**parameters)))
+    return outside(doubts_of_alignment(alignment, CompareParameters(**parameters)))
 
 
 def side(
@@ -42,7 +45,7 @@ def side(
 
 def of_scores(valid_fraction: float = 0.95, **changed: Any) -> list[Doubt]:
     scores = {"grid": Overlap(jaccard=0.8, dice=0.9)} | changed
-    return list(doubts_of_scores(valid_fraction, PairScores(**scores)))
+    return outside(doubts_of_scores(valid_fraction, PairScores(**scores)))
 
 
 def test_a_sound_comparison_is_not_doubted() -> None:
@@ -177,3 +180,22 @@ def test_a_stated_handedness_is_not_put_right_in_silence(
     alignment = replace(ALIGNED, mirrored=mirrored, z_reversed=z_reversed)
     found = list(doubts_of_orientation(alignment, one, two, "oct"))
     assert [doubt.code for doubt in found] == ["handedness-contradicted"] * doubted
+
+
+WELL = 0.9, 0.1
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (Part("band", 1.25, 2.5, 0.3, -0.4, WELL), "z = 1.2 and 2.5 mm it fits best +0.30 mm along and -0.40 mm"),
+        (Part("sector", 1.0, 2.0, 0.0, 0.2, WELL), "between θ = 57° and 115° it fits best +0.00 mm along"),
+        (Part("turn", 1.0, 2.0, 0.0, 0.2, WELL), "from where other directions do"),
+    ],
+)
+def test_the_worst_of_parts_out_of_place_is_told(part: Part, said: str) -> None:
+    (doubt,) = outside(doubts_of_parts([part, Part("band", 0.0, 1.0, 0.2, 0.0, WELL)], "oct"))
+    assert said in doubt.what
+    assert (doubt.side, doubt.expected) == ("oct", (0.0, 0.1 if part.kind == "turn" else 0.16))
+    assert doubt.value == pytest.approx(0.5 if part.kind == "band" else 0.2)
+    assert list(doubts_of_parts([], "oct")) == []

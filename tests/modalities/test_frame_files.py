@@ -46,6 +46,19 @@ def test_names_are_in_the_order_of_their_places(names: list[str]) -> None:
     assert order(*reversed(names)) == names
 
 
+@pytest.mark.parametrize(
+    ("names", "is_ambiguous"),
+    [
+        (["s1.8", "s1.9", "s1.10"], False),  # even as counts: no doubt
+        (["s1.8", "s1.10"], True),  # two have no spacing
+        (["s1.8", "s1.9", "s1.10", "s1.12"], True),
+        (["a1.8", "b1.9", "b1.10"], True),
+    ],
+)
+def test_names_that_count_evenly_leave_no_doubt(names: list[str], is_ambiguous: bool) -> None:
+    assert read_names([Path(f"{name}.png") for name in names])[1] is is_ambiguous
+
+
 def test_copies_are_left_out_by_their_bytes(tmp_path: Path) -> None:
     frames = {f"slice_{k:03d}.png": f"frame {k}" for k in range(6)}
     of = chosen(tmp_path, frames | {"slice_003 (1).png": "frame 3", "Copy of slice_000.png": "frame 0"})
@@ -75,6 +88,13 @@ def test_two_series_are_refused_by_name(other: str, tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="several series") as caught:
         chosen(tmp_path, contents)
     assert "s0.png (4)" in str(caught.value)
+
+
+def test_series_are_named_by_their_first_image_cut_short(tmp_path: Path) -> None:
+    contents = {f"{letter * 80}{k}.png": f"{letter}{k}" for letter in "abcd" for k in (1, 2)}
+    with pytest.raises(EndoctError) as caught:
+        chosen(tmp_path, contents)
+    assert caught.value.found == f"{'a' * 60} (2), {'b' * 60} (2), {'c' * 60} (2) and 1 more"
 
 
 @pytest.mark.parametrize(

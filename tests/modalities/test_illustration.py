@@ -12,6 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.contract import Picture, Places, Seen
 from endoct.modalities.illustration import illustrated, places_of
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
+from endoct.stitching.strip import Strip
 from endoct.synthetic.specimen import simulate
 from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.report.pictures import load_pictures, save_pictures
@@ -117,3 +118,27 @@ def test_what_is_seen_is_kept_with_pictures(tmp_path: Path) -> None:
         with pytest.raises(EndoctError):
             load_pictures(tmp_path)
         np.savez_compressed(path, **arrays)
+
+
+@pytest.mark.parametrize("n_rows", [1, 3])
+def test_places_have_the_depth_of_the_nearest_beam(n_rows: int) -> None:
+    """Columns begin at 1 rad; what lies there says its own angle as its depth."""
+    n = 720
+    theta_rad = 1 + 2 * np.pi / n * np.arange(n)
+    depth_mm = np.tile(np.mod(theta_rad, 2 * np.pi), (n_rows, 1)).astype(np.float32)
+    valid = np.ones((n_rows, n), np.bool_)
+    valid[-1, np.abs(np.mod(theta_rad, 2 * np.pi) - 0.5) < 0.2] = False
+    ones = np.ones((n_rows, n), np.float32)
+    strip = Strip(0.1 * np.arange(1, n_rows + 1), theta_rad, ones, depth_mm, valid, ones)
+    z_mm, places = places_of(strip)
+    assert z_mm == pytest.approx(0.1 * np.arange(1, n_rows + 1))
+    around = places.theta_rad.reshape(n_rows, -1)
+    np.testing.assert_allclose(np.diff(around, axis=1), 2 * np.pi / around.shape[1])
+    assert (around[:, 0] == 0).all()
+    np.testing.assert_array_equal(places.z_mm.reshape(n_rows, -1), np.repeat(z_mm[:, None], around.shape[1], 1))
+    depth = places.depth_mm.reshape(n_rows, -1)
+    away_rad = np.abs(around[-1] - 0.5)
+    assert np.isnan(depth[-1][away_rad < 0.19]).all()
+    assert np.isfinite(depth[-1][away_rad > 0.21]).all()
+    known = np.isfinite(depth)
+    assert np.abs(np.angle(np.exp(1j * (depth - around)[known]))).max() <= np.pi / n + 1e-6

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from subprocess import run
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -148,3 +149,16 @@ def test_uneven_rows_are_drawn_where_they_are() -> None:
 def test_a_panorama_loads_neither_matplotlib_nor_xarray() -> None:
     code = "import endoct.stitching.panorama, sys; print({'matplotlib', 'xarray', 'cv2', 'PIL'} & set(sys.modules))"
     assert run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
+
+
+@pytest.mark.parametrize(
+    ("z_mm", "rows"),
+    [
+        ([5.0], [0]),
+        ([0.0, 0.5], [0, 0, 0, 1, 1, 1]),
+        ([0.0, 0.1, 0.4, 0.5], [0, 1, 1, 2, 2, 3]),
+    ],
+)
+def test_rows_that_are_even_are_those_nearest(z_mm: list[float], rows: list[int]) -> None:
+    grid = SimpleNamespace(z_mm=np.array(z_mm), dz_mm=0.1)
+    assert evenly_spaced_rows(grid).tolist() == rows  # type: ignore[arg-type]

@@ -9,6 +9,7 @@ from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import PARTS, allowed_range, choices, default_ranges
 from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar
+from tests.synthetic.fingerprints import changed
 
 SEEDS = range(8)
 TURN = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
@@ -17,6 +18,11 @@ TURN = np.linspace(0, 2 * np.pi, 4000, endpoint=False)
 @pytest.fixture(scope="module")
 def drawn() -> list[Sample]:
     return [draw(preset, seed) for preset in PRESETS if preset != "paper" for seed in SEEDS] + [draw("paper", 0)]
+
+
+@pytest.mark.parametrize("kind", PRESETS)
+def test_a_seed_draws_what_it_drew_when_sets_were_published(kind: str) -> None:
+    assert changed("sample", kind) == []
 
 
 def test_catheter_is_off_axis_drifts_and_fits_into_the_capillary(drawn: list[Sample]) -> None:

@@ -50,7 +50,9 @@ def test_cells_fill_what_they_should_and_their_ids_match_the_mask(wall: xr.Datas
 
 
 def test_a_cell_lies_where_its_sample_puts_it(wall: xr.Dataset, truth: dict[str, Any]) -> None:
-    for number, cell in enumerate(truth["sample"]["bore"]["cells"], 1):
+    cells = truth["sample"]["bore"]["cells"]
+    assert len(cells) > 10
+    for number, cell in enumerate(cells, 1):
         centre = nearest(wall, "cell_id", np.array([cell["z_mm"]]), np.array([cell["theta_rad"]]))[0]
         assert centre > 0, f"cell {number}"
 

@@ -129,7 +129,7 @@ def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iter
     For one that was made ``by_hand``, nothing says how far it stands out: no search led to it.
     """
     turn, shift, scale = _standard_errors(alignment)
-    yield "Turned by", f"{math.degrees(alignment.theta_shift_rad):.2f}°{turn}"
+    yield "Turned by", _degrees(alignment.theta_shift_rad, "°") + turn
     yield "Shifted along the bore by", length_text(alignment.z_shift_mm) + shift
     yield "Scaled along the bore by", f"{alignment.z_scale:.4f}{scale}"
     yield "Mirrored in θ", value_text("mirrored", alignment.mirrored)

@@ -152,13 +152,11 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-@lru_cache(maxsize=2)
 def eye_of(weights: Path) -> "tuple[Eye, dict[str, Any]]":
     """Return the eye with ``weights``, and its card. Raises :class:`EndoctError` where they cannot be read."""
-    from endoct.fusion.segmentation.learned.network import load_eye  # which loads torch
-
     try:
-        return load_eye(weights)
+        of = weights.stat()
+        return _loaded(weights, (of.st_ino, of.st_size, of.st_mtime_ns))
     except (OSError, ValueError) as error:
         raise EndoctError(
             f"the learned eye {weights} cannot be read",
@@ -166,6 +164,14 @@ def eye_of(weights: Path) -> "tuple[Eye, dict[str, Any]]":
             expected="weights that `endoct train` made",
             remedy=f"name others, or '{OUR_EYE}' or '{NO_EYE}'",
         ) from error
+
+
+@lru_cache(maxsize=2)
+def _loaded(weights: Path, _: tuple[int, int, int]) -> "tuple[Eye, dict[str, Any]]":
+    """Return the eye with ``weights``, read again where others have taken their place."""
+    from endoct.fusion.segmentation.learned.network import load_eye  # which loads torch
+
+    return load_eye(weights)
 
 
 def _probability(eye: "Eye", inputs: Inputs) -> Image:

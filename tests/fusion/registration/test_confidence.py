@@ -10,8 +10,9 @@ from bore_pairs import Pair
 from tolerances import ROLLED_RAD, ROLLED_Z_MM
 
 from endoct.base.numeric.circle import gaussian, wrap_rad
-from endoct.fusion.evidence.evidence import Evidence, prepare
+from endoct.fusion.evidence.evidence import Evidence, prepare, reoriented
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, as_covariance
+from endoct.fusion.registration import search
 from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, NotAligned, align
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.search import chance_of, score
@@ -87,6 +88,22 @@ def _highest(a: Evidence, b: Evidence, orientation: tuple[bool, bool]) -> float:
     n = padded_rows(a.z_mm.size, b.z_mm.size)
     correlation, overlap = masked_correlation(spectra(a.values, a.valid, n), spectra(b.values, b.valid, n))
     return float(score(correlation, overlap * np.float32(a.dz_mm * a.column_mm)).max())
+
+
+@pytest.mark.parametrize("orientation", ALL_ORIENTATIONS)
+def test_what_matches_is_shuffled_in_the_other_orientations_only(
+    orientation: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    laid: list[tuple[bool, bool]] = []
+
+    def noted(evidence: Evidence, *, mirrored: bool, z_reversed: bool, z_scale: float) -> Evidence:
+        laid.append((mirrored, z_reversed))
+        return reoriented(evidence, mirrored=mirrored, z_reversed=z_reversed, z_scale=z_scale)
+
+    monkeypatch.setattr(search, "reoriented", noted)
+    small = texture(1, (20, 24), 0.3)
+    chance_of(3.0, small, texture(2, (20, 24), 0.3), orientation, 4)
+    assert laid == search.SHUFFLES * [other for other in ALL_ORIENTATIONS if other != orientation]
 
 
 @pytest.mark.parametrize("seed", range(3))

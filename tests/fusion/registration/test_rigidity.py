@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from bore_pairs import Pair, make_pair, panorama
 
-from endoct.fusion.evidence.evidence import prepare
+from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.geometry.placement import IN_PLACE
-from endoct.fusion.registration.rigidity import NEAR, LoosePart, parts_out_of_place
+from endoct.fusion.registration.rigidity import NEAR, STEP_MM, LoosePart, fit_part, part_of, parts_out_of_place
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
@@ -147,3 +147,23 @@ def test_light_in_a_part_of_one_cell_would_pass_for_a_part_out_of_place(monkeypa
     monkeypatch.setattr("endoct.fusion.registration.rigidity.LONE_CLEAR", NEAR.clear)
     a, b = partly_lit(1, 0.0, lit=True, seed=0)
     assert parts_out_of_place(prepare(a), prepare(b), IN_PLACE)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(0, 0.0), (3, 0.4), (-2, -5.3), (4, 6.0)])
+def test_a_part_is_found_to_a_fraction_of_a_column(rows: int, columns: float) -> None:
+    """A wave pattern that is moved by hand, and a band of it."""
+    n_z, n_theta, radius_mm = 60, 256, 1.2
+    z, theta = np.arange(n_z)[:, None], 2 * np.pi / n_theta * np.arange(n_theta)
+
+    def wall(along: float, around: float) -> Evidence:
+        turned = theta - around * 2 * np.pi / n_theta
+        values = np.cos(5 * turned + 0.21 * (z - along)) + np.cos(3 * turned - 0.37 * (z - along))
+        z_mm = STEP_MM * np.arange(n_z)
+        return Evidence(values.astype(np.float32), values < 9, z_mm, STEP_MM, 0.0, radius_mm, "darkness")
+
+    band = part_of(wall(-rows, -columns), (z > 20) & (z < 40) & (theta < 9))
+    found = fit_part(wall(0, 0), band, 6 * STEP_MM, 10 * 2 * np.pi / n_theta)
+    assert found.along_mm == pytest.approx(rows * STEP_MM, abs=1e-9)
+    assert found.around_mm == pytest.approx(columns * 2 * np.pi / n_theta * radius_mm, abs=0.05 * STEP_MM)
+    assert found.correlation[0] == pytest.approx(1, abs=2e-3)
+    assert (found.correlation[1] == found.correlation[0]) is (rows == 0)

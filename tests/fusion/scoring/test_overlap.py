@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.scoring.overlap import agreement, difference, find_sites, jaccard
+from endoct.fusion.scoring.overlap import Surface, agreement, difference, find_sites, jaccard, strata
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
 B = np.array([[1, 0, 1, 0], [1, 0, 0, 1]], np.bool_)
@@ -76,3 +76,29 @@ def test_dice_is_a_function_of_jaccard_and_both_are_symmetric(masks: np.ndarray)
     assert one.jaccard == two.jaccard
     if one.jaccard is not None:
         assert one.dice == pytest.approx(2 * one.jaccard / (1 + one.jaccard))
+
+
+def test_sites_are_parted_by_size_depth_and_contrast() -> None:
+    """By hand: squares of 1, 4, 16 and 36 samples of 0.0225 mm², as circles 0.17, 0.34, 0.68 and 1.02 mm wide."""
+    a = np.zeros((20, 40), np.bool_)
+    relief, contrast = np.full(a.shape, np.nan, np.float32), np.zeros(a.shape, np.float32)
+    for size, column, depth, light in ((1, 2, 0.05, 0.3), (2, 6, 0.1, 0.4), (4, 12, 0.29, 0.79), (6, 20, 0.3, 0.8)):
+        place = slice(3, 3 + size), slice(column, column + size)
+        a[place], relief[place], contrast[place] = True, depth, light
+    b = a.copy()
+    b[3:5, 6:8], b[3, 12] = False, False
+    sites = find_sites(a, b, np.ones(a.shape, np.bool_), 0.0225)
+    stated = Surface("a", a, a, relief_mm=relief, relief_error_mm=relief), Surface("b", b, b, contrast=contrast)
+    found = strata(sites, stated)
+    parts = found.diameter_mm, found.depth_mm, found.contrast
+    assert [[part.low for part in of] for of in parts] == [[None, 0.3, 0.6], [None, 0.1, 0.3], [None, 0.4, 0.8]]
+    assert [[part.to for part in of] for of in parts] == [[0.3, 0.6, None], [0.1, 0.3, None], [0.4, 0.8, None]]
+    assert [[part.sites for part in of] for of in parts] == [[1, 1, 2], [1, 2, 1], [1, 2, 1]]
+    small, middle, large = found.depth_mm
+    assert (small.jaccard, middle.jaccard, large.jaccard) == pytest.approx((1, 15 / 20, 1))
+    assert (small.only_first, middle.only_first, middle.only_second) == (0, 0.5, 0)
+    assert middle.area_mm2 == pytest.approx(20 * 0.0225)
+    # depth that was measured goes before depth by parallax
+    measured = Surface("b", b, b, relief_mm=np.where(a, np.float32(0.5), np.nan))
+    assert [part.sites for part in strata(sites, (*stated, measured)).depth_mm] == [0, 0, 4]
+    assert strata(sites, ()).depth_mm == ()

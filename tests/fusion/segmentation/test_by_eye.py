@@ -1,16 +1,26 @@
 """What Jaccard index a learned eye expects, by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import compare_panoramas
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.segmentation import by_eye
-from endoct.fusion.segmentation.by_eye import cells_by_eye, check_eye, expected_jaccard, is_sure, view_of
+from endoct.fusion.segmentation.by_eye import (
+    cells_by_eye,
+    check_eye,
+    expected_jaccard,
+    held_against,
+    is_sure,
+    view_of,
+)
+from endoct.fusion.segmentation.learned.looking import Probability
 from endoct.fusion.segmentation.learned.network import Eye, save_eye
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation
@@ -124,4 +134,86 @@ def test_an_eye_that_expects_little_doubts_its_cells(
     monkeypatch.setattr(by_eye, "LEAST_EXPECTED", least)
     cells, expected = seen(side)
     assert [doubt.code for doubt in cells.doubts] == ["cells-unsure"] * doubted
-    assert all(doubt.value == expected for doubt in cells.doubts)
+    assert all((doubt.value, doubt.expected) == (expected, (least, 1.0)) for doubt in cells.doubts)
+
+
+ROW = np.arange(20)
+
+
+def row_of_cells(first: int, last: int, *doubts: Doubt) -> Segmentation:
+    """Return cells from sample ``first`` to before ``last`` of 20."""
+    return Segmentation(((first <= ROW) & (last > ROW))[None], 0.5, "1", "its own", "dark", None, None, doubts)
+
+
+@pytest.mark.parametrize(("shared", "stays"), [(10, True), (7, True), (6, False), (0, False)])
+def test_cells_of_the_eye_stay_where_it_sees_most_of_those_by_rules(shared: int, stays: bool) -> None:
+    by_eye_, by_rules = row_of_cells(10 - shared, 20), row_of_cells(0, 10)
+    kept = held_against(by_eye_, by_rules)
+    assert kept.mask is (by_eye_ if stays else by_rules).mask
+    assert kept.of == "its own"
+    assert kept.eye_declined == (None if stays else "the learned eye is not sure of this wall")
+    assert not kept.doubts
+    none = row_of_cells(0, 0)
+    assert held_against(by_eye_, none) is by_eye_, "nothing that it could have missed"
+
+
+@pytest.mark.parametrize(("shared", "agree"), [(10, True), (5, True), (4, False), (0, False)])
+def test_cells_of_the_eye_that_doubtful_ones_contradict_are_doubted(shared: int, agree: bool) -> None:
+    """Of 10 samples of either, the union is 10; by Jaccard's index, 5 of 10 agree."""
+    own = Doubt("own", "Its own.")
+    by_eye_, by_rules = row_of_cells(0, 10, own), row_of_cells(10 - shared, 10, Doubt("other", "Another."))
+    kept = held_against(by_eye_, by_rules)
+    assert kept.mask is by_eye_.mask
+    assert kept.of == "its own"
+    assert kept.doubts[0] is own
+    if agree:
+        assert kept is by_eye_
+    else:
+        (doubt,) = kept.doubts[1:]
+        assert (doubt.code, doubt.value) == ("cells-by-eye-alone", pytest.approx(shared / 10))
+        assert doubt.expected == (by_eye.LEAST_AGREEMENT, 1.0)
+        assert f"of {shared / 10:.2f} with" in doubt.what
+
+
+def test_an_eye_is_sure_from_what_it_expects_on_and_never_of_nothing() -> None:
+    some, none = row_of_cells(3, 4), row_of_cells(3, 3)
+    assert is_sure(some, by_eye.SURE_EXPECTED)
+    assert not is_sure(some, by_eye.SURE_EXPECTED - 1e-9)
+    assert not is_sure(none, 1.0)
+
+
+def test_what_depth_added_and_dropped_is_counted_beyond_the_edges(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One cell by both, three samples wider by depth; one by depth alone, of 20 × 40; one without it, of 10 × 40."""
+    of_cell, without = np.zeros((2, *CELL.shape), np.float32)
+    of_cell[30:70, 97:203], without[30:70, 100:200] = 0.5, 0.5
+    of_cell[30:50, 300:340], without[80:90, 300:340] = 0.41, 0.9
+    of_cell[100:, 400:440] = 0.39  # too improbable
+    monkeypatch.setattr(by_eye, "look", lambda *_: Probability(of_cell, without))
+    side = marked_side(0.02)
+    known = np.where(np.arange(CELL.shape[1]) < 400, np.float32(0.0), np.float32(np.nan))
+    depth_mm = np.broadcast_to(known, CELL.shape).copy()
+    panorama = replace(side.panorama, parallax_depth_mm=depth_mm, parallax_error_mm=depth_mm + np.float32(0.02))
+    plain = SegmentParameters(open_mm=0, close_mm=0, smallest_mm2=0)
+    side = replace(side, panorama=panorama)
+    view = view_of(side, plain)
+    assert view is not None
+    cells, _ = cells_by_eye(view, plain)
+    assert cells.by_depth is not None
+    assert cells.by_depth.known == pytest.approx(0.8)
+    assert cells.by_depth.added == pytest.approx(20 * 40 / CELL.size)
+    assert cells.by_depth.dropped == pytest.approx(10 * 40 / CELL.size)
+    np.testing.assert_array_equal(cells.mask, of_cell > 0.4)
+    assert cells.by == "eye"
+    flat = view_of(side, plain.model_copy(update={"by_depth": False}))
+    assert flat is not None
+    assert cells_by_eye(flat, plain)[0].by_depth is None
+
+
+@pytest.mark.parametrize(("dz_mm", "has"), [(0.059, True), (0.061, False)])
+def test_samples_too_coarse_for_the_eye_are_not_shown_to_it(dz_mm: float, has: bool) -> None:
+    panorama = marked_side(0.02).panorama
+    along = replace(panorama, grid=replace(panorama.grid, dz_mm=dz_mm))
+    assert (view_of(Side("endoscope", along), SegmentParameters()) is not None) is has
+    around = replace(panorama, grid=replace(panorama.grid, radius_mm=500 * dz_mm / (2 * np.pi)))
+    assert (view_of(Side("endoscope", around), SegmentParameters()) is not None) is has
+    assert view_of(Side("endoscope", panorama), SegmentParameters(eye="off")) is None

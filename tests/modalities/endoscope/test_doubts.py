@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from doubted import codes_of
 
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.doubts import RingEvidence, doubts_of_ring
@@ -107,7 +108,7 @@ def test_pixels_that_are_not_square_are_named_and_put_right(copied: Copies, tmp_
         size = round(image.shape[1] / 1.1), image.shape[0]
         cv2.imwrite(str(narrow / file.name), cv2.resize(image, size, interpolation=cv2.INTER_AREA))
     calibration = survey(narrow)
-    assert [doubt.code for doubt in calibration.doubts] == ["pixels-not-square"]
+    assert codes_of(calibration.doubts) == ["pixels-not-square"]
     assert calibration.annuli[0].pixels == pytest.approx(1 / 1.1, abs=0.003)
     assert calibration.annuli[0].outer_px == pytest.approx(sound.annuli[0].outer_px, rel=0.005)
     assert calibration.annuli[0].inner_px == pytest.approx(sound.annuli[0].inner_px, rel=0.02)
@@ -116,7 +117,7 @@ def test_pixels_that_are_not_square_are_named_and_put_right(copied: Copies, tmp_
 
 
 def test_a_single_picture_is_doubted(copied: Copies) -> None:
-    assert "no-wall-moves" in [doubt.code for doubt in survey(copied([5])).doubts]
+    assert "no-wall-moves" in codes_of(survey(copied([5])).doubts)
 
 
 def test_a_picture_repeated_is_doubted(copied: Copies) -> None:
@@ -125,7 +126,7 @@ def test_a_picture_repeated_is_doubted(copied: Copies) -> None:
     def noisy(image: Any) -> Any:
         return np.clip(image + rng.normal(0, 2, image.shape), 0, 255).astype(np.uint8)
 
-    assert "no-wall-moves" in [doubt.code for doubt in survey(copied([5] * 6, noisy)).doubts]
+    assert "no-wall-moves" in codes_of(survey(copied([5] * 6, noisy)).doubts)
 
 
 def test_a_ring_saturated_by_a_third_is_doubted(copied: Copies) -> None:
@@ -134,12 +135,12 @@ def test_a_ring_saturated_by_a_third_is_doubted(copied: Copies) -> None:
 
     calibration = survey(copied(range(8), brighter))
     assert np.median(calibration.per_frame["saturated_fraction"]) > 0.3
-    assert "ring-saturated" in [doubt.code for doubt in calibration.doubts]
+    assert "ring-saturated" in codes_of(calibration.doubts)
 
 
 def test_the_picture_of_a_pipes_end_is_doubted(recordings: Path, tmp_path: Path) -> None:
     shutil.copy(next((recordings / "pipe-end").glob("*.jpg")), tmp_path)
     keys = 'modality = "endoscope"\nbore_diameter_mm = 2.5\nvisible_length_mm = 1.0\nfeed_pitch_mm = 0.2\n'
     (tmp_path / "acquisition.toml").write_text(keys, encoding="utf-8")
-    codes = [doubt.code for doubt in survey(tmp_path).doubts]
+    codes = codes_of(survey(tmp_path).doubts)
     assert "no-wall-moves" in codes

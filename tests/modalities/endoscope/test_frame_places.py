@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from doubted import outside
 from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
@@ -42,7 +43,7 @@ def doubts(ratios: NDArray[np.float64], trusted: NDArray[np.bool_] | None = None
         modality="endoscope", bore_diameter_mm=2.5, feed_pitch_mm=0.2, visible_length_mm=1.0, travel="in"
     )
     motion, centring = Motion(feed_of(0.2 * ratios, trusted), BAND), Centring((0.0, 0.0), None)
-    return place_frames(motion, centring, nominal, acquisition, EndoscopeParameters())[0].doubts
+    return tuple(outside(place_frames(motion, centring, nominal, acquisition, EndoscopeParameters())[0].doubts))
 
 
 @pytest.mark.parametrize("n", [16, 64])

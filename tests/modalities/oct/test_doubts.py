@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from doubted import codes_of
 from numpy.typing import NDArray
 from tolerances import AGREEING_RTOL
 
@@ -21,7 +22,7 @@ SMALL = Phantom(n_ascans=512)
 
 
 def codes(panorama: Panorama) -> list[str]:
-    return [doubt.code for doubt in panorama.doubts]
+    return codes_of(panorama.doubts)
 
 
 def of_bone(phantom: Phantom, *, plate_px: int) -> NDArray[np.uint8]:
@@ -122,7 +123,7 @@ def with_fractions(panorama: Panorama, opening: float, before: float, dark: floa
 
 
 def codes_of_surface(panorama: Panorama) -> list[str]:
-    return [doubt.code for doubt in doubts_of_surface(panorama)]
+    return codes_of(doubts_of_surface(panorama))
 
 
 def test_what_samples_contradict_is_doubted(unrolled: UnrollPhantom) -> None:

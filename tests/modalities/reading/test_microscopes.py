@@ -131,6 +131,10 @@ def test_planes_lie_where_the_description_has_them(tmp_path: Path) -> None:
         ),
         ({"data": '<TiffData IFD="4" PlaneCount="6"/>'}, "does not hold the frames"),
         ({"data": '<TiffData FirstZ="0" IFD="0" PlaneCount="2"/>'}, "does not hold the frames"),
+        (
+            {"data": '<TiffData FirstZ="0" PlaneCount="1" IFD="0"/><TiffData FirstZ="2" PlaneCount="4" IFD="2"/>'},
+            "does not hold the frames",  # the second, though a page is left over that might be it
+        ),
         ({"n": 7}, "does not hold the frames"),
         ({"n": 10**9}, "wrong dimensions"),
         ({"n": "x"}, "cannot be used"),
@@ -214,6 +218,19 @@ def test_shards_other_axes_and_times_are_read(tmp_path: Path) -> None:
     timed = ngff(tmp_path / "b.zarr", five, axes="tczyx", scale=scale, units={"t": "second"}, chunks=(4, 1, 1, 40, 56))
     np.testing.assert_array_equal(read(timed), STACK)
     assert stated_by(timed).keys == pytest.approx({"frame_rate_hz": 25.0})
+
+
+@pytest.mark.parametrize(("most", "read"), [(12, True), (11, False)])
+def test_frames_of_too_many_chunks_are_refused(
+    most: int, read: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames of 40 × 56 in chunks of 10 × 24 have 4 × 3; slices are no part of a frame."""
+    path = ngff(tmp_path / "a.zarr", chunks=(1, 10, 24))
+    monkeypatch.setattr("endoct.modalities.reading.ome_zarr.MOST_CHUNKS_A_FRAME", most)
+    if read:
+        assert len(open_stack(path)) == len(STACK)
+    else:
+        assert "too many chunks; expected 11 a frame" in refusal(path)
 
 
 def test_missing_chunks_are_the_fill_value(tmp_path: Path) -> None:

@@ -53,3 +53,14 @@ def test_a_tube_comes_back_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "tube.toml"
     path.write_text(tomlkit.dumps(TUBE.model_dump(mode="json")))
     assert read_target(path) == TUBE
+
+
+def test_lengths_along_the_tube_are_as_sure_as_the_distance_of_its_rings() -> None:
+    errors = TUBE.standard_errors
+    assert TUBE.stretch_sigma == pytest.approx(errors.z_mm / 3.5)
+    np.testing.assert_allclose(TUBE.ring_edges_mm, [3.2, 3.8, 6.1, 7.9])
+    np.testing.assert_allclose(TUBE.ring_inside_mm(np.array([3.3, 3.7, 5.0, 7.0, 8.0])), [0.1, 0.1, -1.1, 0.9, -0.1])
+    assert TUBE.radius_mm == 1.25
+    # at z = 0 the axial groove is 0.175 mm to either side of θ = 0, and the helix 0.25 mm of θ = 1.5
+    theta = np.array([0.0, 0.1, 1.5, 1.5 + 0.1])
+    np.testing.assert_allclose(TUBE.groove_inside_mm(np.array(0.0), theta), [0.175, 0.05, 0.25, 0.125], atol=1e-12)

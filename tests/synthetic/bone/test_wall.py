@@ -12,6 +12,7 @@ from endoct.synthetic.bone.scene import crossings
 from endoct.synthetic.bone.wall import Wall, WallMaps, build_wall
 from endoct.synthetic.draw import draw
 from tests.synthetic.bones import bone, hole
+from tests.synthetic.fingerprints import KINDS, changed
 from tests.tolerances import BAKED_MM
 
 
@@ -25,6 +26,11 @@ def radial_rays(wall: Wall, rows: np.ndarray, columns: np.ndarray) -> tuple[np.n
     theta = columns * wall.dtheta_rad
     origin = np.stack([0 * theta, 0 * theta, rows * wall.dz_mm], axis=1)
     return origin, np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_makes_the_wall_that_was_published(kind: str) -> None:
+    assert changed("wall", kind) == []
 
 
 def test_relief_fluid_and_ids_are_those_of_traced_rays(wall: Wall) -> None:

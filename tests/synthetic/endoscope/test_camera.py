@@ -14,6 +14,7 @@ from endoct.synthetic.endoscope.cone import FrameView, cone_of, focal_length_px
 from endoct.synthetic.endoscope.lighting import light, lighting_of, lit_frame
 from endoct.synthetic.endoscope.sight import View, follow, view
 from endoct.synthetic.sample.parameters import Debris, Droplet, Sample, Speck
+from tests.synthetic.fingerprints import KINDS, changed
 
 RADIUS_MM, CENTRE, INNER_PX, OUTER_PX = 1.25, (159.7, 120.4), 50.0, 105.0
 MIDDLE_PX = (INNER_PX + OUTER_PX) / 2
@@ -82,6 +83,11 @@ def tan_psi(sample: Sample, r_px: Coordinates) -> Coordinates:
     camera = sample.endoscope
     t = np.linspace(0, 1.2 * OUTER_PX / camera.focal_px, 20001)
     return np.interp(r_px, camera.focal_px * (t + camera.distortion_k1 * t**3), t)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_makes_the_frame_that_was_published(kind: str) -> None:
+    assert changed("frame", kind) == []
 
 
 @pytest.mark.parametrize("half_angle_deg", [30.0, 45.0, 60.0])

@@ -12,6 +12,7 @@ import xarray as xr
 from tolerances import CHAIN_DB, SAME_ASCAN, SAME_PLACE_MM, SAME_SLICE, SURFACE_PX
 
 from endoct.synthetic.specimen import simulate
+from tests.synthetic.fingerprints import KINDS, changed
 
 FACE, DETECTOR = 1, 4
 
@@ -140,3 +141,8 @@ def test_the_documented_chain_makes_the_b_scan_of_the_raw_spectra(specimen: Path
     apart = (counts - written)[strong] * sample["db_per_count"]
     assert np.corrcoef(counts[strong], written[strong])[0, 1] > 0.9
     assert np.std(apart) < CHAIN_DB
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_has_the_truth_that_was_published(kind: str) -> None:
+    assert changed("labels", kind) == []

@@ -17,6 +17,7 @@ from endoct.synthetic.oct.scattered_field import scattered
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
 from endoct.synthetic.oct.sweep import Appearance, Sweep, Turn, build_appearance
 from endoct.synthetic.sample.parameters import LostAscans, Oct, Sample
+from tests.synthetic.fingerprints import KINDS, changed
 
 N = 1024
 N_RING = 2000
@@ -112,6 +113,11 @@ def speckle(sample: Sample) -> NDArray[np.complex128]:
     one = spectrometer(oct_, N)
     flattened = _field_of(oct_, one, _flat(N_RING, 1.0)) / roll_off(oct_, np.arange(512.0), N)
     return flattened[:, 210:330]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_makes_the_slice_that_was_published(kind: str) -> None:
+    assert changed("oct", kind) == []
 
 
 def test_bone_is_fully_developed_speckle(speckle: NDArray[np.complex128]) -> None:

@@ -107,3 +107,21 @@ def test_scatterers_are_those_of_their_place() -> None:
     assert abs(np.corrcoef(one[:-1].ravel(), one[1:].ravel())[0, 1]) < 0.02
     # whichever usual instrument looks
     assert {lattice(7, 1.25, draw("quick", seed).oct) for seed in range(5)} == {places}
+
+
+@pytest.mark.parametrize("finer", [1, 2])
+@pytest.mark.parametrize("with_line", [True, False])
+def test_the_field_is_a_sum_of_waves(finer: int, with_line: bool) -> None:
+    """Pixel k turns k times in n samples; a reflector as often as its delay says, seen from the middle of these."""
+    rng, n = np.random.default_rng(2), 12
+    bone = rng.normal(size=(130, n, 2)).view(np.complex128)[..., 0].astype(np.complex64)
+    delay_px, amplitude = rng.uniform(-3, 3, (2, 130)), rng.normal(size=(2, 130, 2)).view(np.complex128)[..., 0]
+    returned = Scattered(bone, delay_px, amplitude, n_optical=1)
+    for first_m, n_m in ((0, n), (0, 7), (3, n), (-2, 5)):
+        m = first_m + np.arange(n_m) / finer
+        expected = bone @ np.exp(2j * np.pi * np.outer(np.arange(n), m) / n)
+        for k in range(2 if with_line else 1):
+            turns = np.outer(delay_px[k], m - (n - 1) / 2) / n
+            expected = expected + amplitude[k][:, None] * np.exp(2j * np.pi * turns)
+        for columns, field in returned.field(first_m, finer, n_m, with_line):
+            np.testing.assert_allclose(field, expected[columns], atol=2e-4)

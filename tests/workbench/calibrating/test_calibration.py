@@ -5,13 +5,16 @@ import math
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomlkit
+from matplotlib.figure import Figure
 from printed_tube import TUBE
 
 from endoct.base.errors import EndoctError
+from endoct.modalities.tube.measurement import Measurement, Panel, Quantity
 from endoct.synthetic.specimen import simulate
-from endoct.workbench.calibrating.calibration import calibrate
+from endoct.workbench.calibrating.calibration import calibrate, write_figure
 from endoct.workbench.cli import main
 
 
@@ -89,3 +92,27 @@ def test_a_simulated_tube_is_measured(tmp_path: Path) -> None:
         )
         of_again = {each.name: each for each in again.quantities}[name]
         assert math.isclose(of_again.value, by_name[name].value, abs_tol=by_name[name].sigma)
+
+
+def test_the_figure_shows_points_and_lines_and_says_what_was_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x = np.arange(9000.0)
+    line = np.array([[2.0, 5.0], [1.0, 4.0], [3.0, 7.0]])
+    panels = tuple(Panel(f"panel {k}", f"x {k}", f"y {k}", x, 2 * x + k, line if k == 1 else None) for k in range(4))
+    measured = Measurement({}, (Quantity("a_mm", "length", 1.23456789, 0.0123, "mm"),), panels)
+    drawn: list[Figure] = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))
+    write_figure(measured, tmp_path / "figure.png")
+    *shown, last = drawn[0].axes
+    assert [each.get_title() for each in shown] == [f"panel {k}" for k in range(4)]
+    assert [(each.get_xlabel(), each.get_ylabel()) for each in shown] == [(f"x {k}", f"y {k}") for k in range(4)]
+    places = [each.get_subplotspec().rowspan.start * 3 + each.get_subplotspec().colspan.start for each in shown]
+    assert places == [0, 1, 2, 3]
+    for k, each in enumerate(shown):
+        points = each.lines[0]
+        assert np.array_equal(points.get_ydata(), 2 * points.get_xdata() + k)
+        assert 4000 <= len(points.get_xdata()) <= 4500
+        assert len(each.lines) == 1 + (k == 1)
+    assert shown[1].lines[1].get_xydata().tolist() == [[1, 4], [2, 5], [3, 7]]
+    assert last.texts[0].get_text() == "length: 1.23457 ± 0.012 mm"

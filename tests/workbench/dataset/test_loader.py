@@ -14,11 +14,12 @@ import torch
 import webdataset
 import xarray as xr
 from cheap_specimens import Cheap
+from matplotlib.figure import Figure
 from torch.utils.data import DataLoader
 
 from endoct.base.errors import EndoctError
 from endoct.workbench import cli, simulate
-from endoct.workbench.dataset import Specimens
+from endoct.workbench.dataset import Specimens, overview
 from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.plan import Plan, Split
 
@@ -38,6 +39,26 @@ def learning(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ranges = ("--vary", "oct.wall_db=18..19", "--vary", "oct.scan=helical")
     assert endoct("dataset", "-o", root, "--count", 2, "--recordings-per-bore", 2, "--workers", 1, *ranges) == 0
     return root
+
+
+def test_the_contact_sheet_shows_the_middle_of_specimens_spread_over_the_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_dataset(tmp_path / "set", Plan(3, seed=2), workers=1, make=Cheap(tmp_path / "log"))
+    drawn: list[Figure] = []
+    monkeypatch.setattr(overview, "N_SPECIMENS", 2)
+    monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: [drawn.append(figure), file.write(b"a sheet")])
+    overview.write_contact_sheet(tmp_path / "set")
+    axes = np.array(drawn[0].axes).reshape(-1, 4)
+    specimens = Specimens(tmp_path / "set")
+    assert [axis.get_title() for axis in axes[0]] == list(overview.TITLES)
+    for row, index in zip(axes, (0, 2), strict=True):
+        arrays, line = specimens[index], specimens.rows[index]
+        oct_ = arrays["oct"]  # of two slices
+        expected = oct_[1], oct_.mean(axis=1), arrays["endoscope"][1], np.clip(arrays["relief_mm"], 0, 1)
+        for axis, image in zip(row, expected, strict=True):
+            np.testing.assert_allclose(axis.images[0].get_array(), image, rtol=1e-6)
+        assert row[0].get_ylabel() == f"{line['name']}\n{line['split']}\n{line['bore.bone']}"
 
 
 def rows(root: Path) -> list[dict[str, str]]:
@@ -147,6 +168,7 @@ def test_a_specimen_can_be_replayed(learning: Path, tmp_path: Path) -> None:
     folder = learning / row["path"]
     simulate(tmp_path / "again", replay=folder / "truth" / "sample.json")
     files = [path for path in folder.rglob("*") if path.is_file()]
+    assert len(files) > 10
     assert all((tmp_path / "again" / path.relative_to(folder)).read_bytes() == path.read_bytes() for path in files)
 
 

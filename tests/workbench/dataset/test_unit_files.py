@@ -32,7 +32,7 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.identity import check_worker, write_identity
 from endoct.workbench.dataset.plan import Job, Plan, units
-from endoct.workbench.dataset.unit_files import _make_on_worker
+from endoct.workbench.dataset.unit_files import Done, _make_on_worker, make_unit
 from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
 PLAN = Plan(9, seed=5)
@@ -72,6 +72,22 @@ def test_a_killed_worker_costs_nothing_but_what_it_was_at(tmp_path: Path, by_one
     assert contents(tmp_path / "set") == by_one
     assert sorted(cheap.noted("end")) == list(range(PLAN.count))
     assert not leftovers(tmp_path / "set")
+
+
+@pytest.mark.parametrize("plan", [Plan(2, seed=5), Plan(3, seed=5, format="webdataset", specimens_per_shard=3)])
+def test_a_unit_that_comes_twice_is_made_once(tmp_path: Path, plan: Plan) -> None:
+    cheap, root = Cheap(tmp_path / "log"), tmp_path / "set"
+    root.mkdir()
+    *_, unit = units(plan)
+    first, second = (make_unit(root, plan, unit, cheap) for _ in range(2))
+    count = len(unit.indices)
+    assert (first.specimens, first.made) == (count, count)
+    assert second == Done(count, 0, 0.0, first.bytes)
+    whole = root / unit.place
+    n_bytes = sum(path.stat().st_size for path in (whole, *whole.rglob("*")) if path.is_file())
+    assert first.bytes == n_bytes > 1000
+    assert first.seconds > 0
+    assert cheap.noted("begin") == list(unit.indices)
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "tls"])

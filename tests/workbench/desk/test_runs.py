@@ -241,3 +241,36 @@ def test_a_window_that_clears_meanwhile_stops_nobody(queue: Queue, tmp_path: Pat
     queue.start()
     assert [run.state for run in ended(queue)] == ["done"]
     assert not runs._is_held(tmp_path / "gone" / runs.LOCK)
+
+
+@pytest.mark.parametrize(
+    ("ago_s", "state", "seconds"),
+    [(5, "running", 5), (19, "running", 19), (21, "lost", None), (-3600, "lost", None)],
+)
+def test_a_run_without_a_process_is_lost_once_it_had_the_time_to_start(
+    ago_s: float, state: str, seconds: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / runs.STARTED).write_text("")
+    begun_s = (tmp_path / runs.STARTED).stat().st_mtime
+    monkeypatch.setattr(runs.time, "time", lambda: begun_s + ago_s)
+    assert runs._state(tmp_path) == (state, seconds if seconds is None else pytest.approx(seconds))
+    (tmp_path / runs.STARTED).unlink()
+    assert runs._state(tmp_path) == ("waiting", None)
+    (tmp_path / runs.CANCEL).write_text("")
+    assert runs._state(tmp_path) == ("cancelled", None)
+
+
+@pytest.mark.parametrize(
+    ("ended", "state", "seconds"),
+    [
+        ({"status": 0, "seconds": 2.5}, "done", 2.5),
+        ({"status": 0, "seconds": -1}, "done", None),
+        ({"status": 77, "seconds": 1}, "failed", 1),
+        ({"status": 0}, "failed", None),
+    ],
+)
+def test_how_a_run_ended_is_what_its_file_says(
+    ended: dict[str, float], state: str, seconds: float | None, tmp_path: Path
+):
+    (tmp_path / runs.ENDED).write_text(json.dumps(ended))
+    assert runs._state(tmp_path) == (state, seconds)

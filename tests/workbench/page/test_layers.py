@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.page.layers import mask_outlines, shown_range
+from endoct.workbench.page.layers import Classes, mask_outlines, shown_range
 from endoct.workbench.page.plane import Averaged
 
 GRID = SurfaceGrid.full_circle(50, 120, z0_mm=1.0, dz_mm=0.05, radius_mm=1.2)
@@ -34,3 +35,13 @@ def test_an_outline_lies_where_the_alignment_puts_the_mask(mirrored: bool, z_rev
     apart = np.abs((points[:, 0] - middle + np.pi) % (2 * np.pi) - np.pi)
     assert apart.max() == pytest.approx(10 * GRID.dtheta_rad, abs=1.6 * GRID.dtheta_rad)
     assert apart.max() < 0.7
+
+
+def test_the_classes_of_one_side_and_of_two():
+    """By half of a pixel or more; what a side did not observe is of no class."""
+    one = Averaged(np.array([[0.5, 0.49, 1.0, 1.0]], np.float32), np.array([[1, 1, 1, 0]], np.bool_))
+    other = Averaged(np.array([[1.0, 1.0, 0.0, 1.0]], np.float32), np.ones((1, 4), np.bool_))
+    layer = Classes((), ())
+    assert layer.classes([one]).tolist() == [[1, 0, 1, 255]]
+    assert layer.classes([one, other]).tolist() == [[BOTH, ONLY_B, ONLY_A, 255]]
+    assert layer.classes([other]).tolist() == [[1, 1, 0, 1]]

@@ -151,6 +151,9 @@ def test_a_pit_is_seen_where_it_is_in_the_right_half_and_a_deeper_one_by_its_dep
     np.testing.assert_allclose(floor, _hue(colormaps["viridis"](1.0)), atol=0.02)
     plain = _hue(second.at(3.2 - 2.25 * math.tan(TILT_RAD), 0))
     assert np.abs(floor - plain).max() > 0.3
+    # the pit's far side, half a millimetre behind the wall: it belongs to samples that lie on the wall
+    side = _hue(first.at(3.8 - 1.75 * math.tan(TILT_RAD), 0))
+    np.testing.assert_allclose(side, _hue(colormaps["viridis"](0.0)), atol=0.02)
     # θ grows upwards
     upper = _Shell(np.where(np.abs(theta - 130) < 15, 1.0, 0.0), seen, 90)
     assert np.abs(_hue(upper.at(1, 1.0)) - plain).max() > 0.1

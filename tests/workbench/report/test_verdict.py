@@ -7,7 +7,7 @@ import pytest
 from endoct.base.doubt import Doubt
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import CellScores, Overlap, PairScores, Result, StoredAlignment
-from endoct.workbench.report.verdict import WIDEST_INTERVAL, recording_verdict, verdict_of
+from endoct.workbench.report.verdict import WIDEST_INTERVAL, placement, recording_verdict, strength, verdict_of
 
 CELLS = CellScores(reference="endoscope", other="oct", of_reference=23, of_other=27, matched=12)
 NARROW = (0.6, 0.6 + WIDEST_INTERVAL - 0.01)
@@ -79,3 +79,20 @@ def test_one_cell_agrees() -> None:
 def test_a_recording_is_green_only_without_doubts() -> None:
     assert recording_verdict(()).level == "trusted"
     assert recording_verdict((Doubt("odd", "Odd."),)).headline == "1 doubt. Unrolled."
+
+
+def test_where_one_side_lies_is_said_in_degrees_and_mm() -> None:
+    alignment = StoredAlignment.of(Alignment(1.5, -0.4321, 1.02, confidence=0.49, correlation=-0.9, ratio=3.04))
+    assert strength(alignment) == "with confidence 0.49 (correlation −0.90, 3.0 times the runner-up)."
+    assert strength(alignment.model_copy(update={"ratio": None})) == "with confidence 0.49."
+    said = (
+        "oct lies in the frame of endoscope turned by 85.94° and shifted by −0.432 mm along the bore, its z scaled by "
+        "1.0200; neither mirrored nor reversed."
+    )
+    assert placement("endoscope", "oct", alignment) == said
+    turned = alignment.model_copy(update={"mirrored": True, "z_reversed": True, "uneven_rad": 0.0174})
+    assert placement("a", "b", turned).endswith("mirrored in θ and reversed in z.")
+    uneven = turned.model_copy(update={"z_reversed": False, "uneven_rad": 0.0176})
+    assert "; mirrored in θ. Around θ the two depart smoothly from that turn, by up to 1.0°" in placement(
+        "a", "b", uneven
+    )

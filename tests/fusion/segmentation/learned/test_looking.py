@@ -136,6 +136,17 @@ def test_weights_are_kept_and_what_is_none_is_refused(tmp_path: Path) -> None:
             weights_for("endoscope", str(path))
 
 
+def test_weights_that_took_the_place_of_others_are_read_anew(tmp_path: Path) -> None:
+    path, eye = tmp_path / "e.safetensors", Eye()
+    save_eye(eye, path, {"modality": "endoscope"})
+    assert looking.eye_of(path)[0] is looking.eye_of(path)[0], "once"
+    for bias in (2.0, 3.0):
+        torch.nn.init.constant_(eye.out.bias, bias)
+        save_eye(eye, tmp_path / "new", {"modality": "endoscope"})
+        (tmp_path / "new").replace(path)
+        assert looking.eye_of(path)[0].out.bias.item() == bias
+
+
 def spoilt(tmp_path: Path, fault: str) -> Path:
     """A file of weights that is at fault."""
     path, eye = tmp_path / "spoilt.safetensors", Eye()

@@ -32,9 +32,8 @@ def test_a_ray_passes_the_wall_short_of_what_it_ends_at() -> None:
 @given(depth_mm=st.floats(0, 1), from_middle_mm=st.floats(-0.3, 0.3))
 def test_what_a_place_is_seen_by_ends_at_that_place(depth_mm: float, from_middle_mm: float) -> None:
     passed_mm = places_seen(np.array([from_middle_mm]), np.zeros(1), depth_mm, STRIP)
-    if np.isfinite(passed_mm).all():
-        ended = passed_mm + np.interp(passed_mm, ALONG_MM, SLANT) * depth_mm
-        assert ended == pytest.approx(from_middle_mm, abs=1e-6)
+    ended = passed_mm + np.interp(passed_mm, ALONG_MM, SLANT) * depth_mm  # the ends reach from −0.36 to 0.4 mm at least
+    assert ended == pytest.approx(from_middle_mm, abs=1e-6)
 
 
 def drawn(depth_mm: Coordinates, rng: np.random.Generator) -> tuple[NDArray[np.int8], Coordinates]:

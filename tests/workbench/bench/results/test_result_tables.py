@@ -6,7 +6,13 @@ from pathlib import Path
 from bench_tasks import DOUBLING, row
 from rich.console import Console
 
-from endoct.workbench.bench.results.result_tables import footnotes, table, write_csv, write_differences
+from endoct.workbench.bench.results.result_tables import (
+    difference_table,
+    footnotes,
+    table,
+    write_csv,
+    write_differences,
+)
 from endoct.workbench.bench.results.score_summary import Difference, Spread
 
 
@@ -42,3 +48,43 @@ def test_differences_become_lines(tmp_path: Path) -> None:
         "method,against,score,cases,median,quartile_1,quartile_3,lower,higher",
         "a,b,error,3,-1,-2,0.333333,2,1",
     ]
+
+
+def test_differences_of_the_first_scores_are_a_line_a_method() -> None:
+    of = {"a": (0.5, -1.0, 2.0), "b": (-0.25, -0.5, -0.125), "lost": None}
+    differing = [
+        Difference(method, score, Spread(9, *values), lower=2, higher=6)
+        for score in ("one", "two", "three", "four")
+        for method, values in of.items()
+        if values
+    ]
+    differing.append(Difference("lost", "two", Spread(9, 1.0, 1.0, 1.0), lower=0, higher=9))
+    found = difference_table(differing, "endoct")
+    assert [column.header for column in found.columns] == ["less endoct", "one", "two", "three", "higher/lower/cases"]
+    cells = [list(column.cells) for column in found.columns]
+    assert cells[0] == ["a", "b", "lost"]
+    assert cells[-1] == ["6/2/9", "6/2/9", "–"]
+    assert cells[1][2] == "–"
+    assert cells[2][2] != "–"
+    assert cells[1][:2] == cells[2][:2] == cells[3][:2]
+
+
+def test_reasons_beyond_the_first_are_counted() -> None:
+    rows = [replace(row("a", str(k), "failed"), reason=f"reason {k}") for k in range(5)]
+    assert footnotes(rows, DOUBLING)[-4:] == [
+        *(f"a: failed: reason {k}" for k in range(3)),
+        "a: and 2 other reasons, see results.csv",
+    ]
+    assert footnotes(rows[:3], DOUBLING)[-1] == "a: failed: reason 2"
+
+
+def test_medians_and_shares_in_words() -> None:
+    rows = [row("a", str(k), "ok", success=float(k > 0), error=float(k - 1), doubted=float(k == 2)) for k in range(4)]
+    found = table(rows, DOUBLING)
+    assert [column.header for column in found.columns][3:] == ["ok", "doubted", "declined", "failed", "s"]
+    assert [cell for column in found.columns for cell in column.cells] == [
+        "a", "3/4 (30%–95%)", "0.5 (-0.25 to 1.25)", "4", "1", "0", "0", "1",
+    ]  # fmt: skip
+    assert list(table([row("a", "1", "ok", error=2.0)], DOUBLING).columns[1].cells) == ["2 (2–2)"]
+    assert any(line.startswith("doubted: of the cases") for line in footnotes(rows, DOUBLING))
+    assert not any(line.startswith("doubted: of the cases") for line in footnotes(rows[:2], DOUBLING))

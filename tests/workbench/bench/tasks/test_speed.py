@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from rich.table import Table
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.bench.cases.speed_jobs import Work, place_of
+from endoct.workbench.bench.cases.speed_jobs import Work, place_of, resized, write_recording
 from endoct.workbench.bench.command import run_bench
 from endoct.workbench.bench.rivals.speed import literal, opencv, reading, textbook
 from endoct.workbench.bench.task import Case, Declined
@@ -132,3 +133,27 @@ def test_jobs_take_turns_and_the_table_has_a_line_for_each_with_its_methods(tmp_
 def test_frames_go_forth_and_back() -> None:
     assert [place_of(k, 3, forth_and_back=True) for k in range(7)] == [0, 1, 2, 2, 1, 0, 0]
     assert [place_of(k, 3, forth_and_back=False) for k in range(4)] == [0, 1, 2, 0]
+
+
+@pytest.mark.parametrize(("side", "shape"), [("oct", (8, 20)), ("endoscope", (5, 20, 3))])
+def test_a_recording_is_resized_as_its_kind_is(side: str, shape: tuple[int, ...], tmp_path: Path) -> None:
+    """A slice keeps its depth; a frame of 2 × 8 becomes one of 5 × 20."""
+    (tmp_path / side).mkdir()
+    stack = np.full((3, 8, 10) if side == "oct" else (3, 2, 8, 3), 7, np.uint8)
+    stack[1], stack[2] = 9, 11
+    if side == "oct":
+        tifffile.imwrite(tmp_path / side / "pullback.tif", stack, photometric="minisblack")
+    else:
+        for k, frame in enumerate(stack):
+            tifffile.imwrite(tmp_path / side / f"frame_{k}.tif", frame, photometric="rgb")
+    (tmp_path / side / "acquisition.toml").write_text(f'modality = "{side}"\n')
+    n, frame = resized(tmp_path, side, 20)
+    assert n == 3
+    assert frame(1).shape == shape
+    assert (frame(1) == 9).all()
+    n_bytes = write_recording(tmp_path, side, 5, 20, tmp_path / "made", "uint16")
+    made = tifffile.imread(tmp_path / "made" / "recording.tif")
+    assert (made.shape, made.dtype, made.nbytes) == ((5, *shape), np.uint16, n_bytes)
+    assert [round(float(each.mean())) for each in made] == [7, 9, 11, *((11, 9) if side == "oct" else (7, 9))]
+    assert np.ptp(made[0]) == 2, "noise of one up or down"
+    assert (tmp_path / "made" / "acquisition.toml").is_file()
