@@ -1,7 +1,7 @@
 """Two panoramas of one bore in, one comparison out: aligned, segmented, scored on one grid."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,6 @@ from endoct.fusion.result import (
     Believable,
     ByHand,
     CorrectedTwist,
-    DecidedByDepth,
     Result,
     StoredAlignment,
     Threshold,
@@ -94,10 +93,10 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
         )
     check_eye(parameters, a, b)
     placed = _aligned(a, b, parameters, pairs)
-    if not parameters.correct_twist or placed.alignment is None:
+    if not parameters.correct_twist or placed.outcome.alignment is None:
         return placed
     plain = score_placed(placed, parameters)
-    twist = find_twist(a, b, placed.alignment)
+    twist = find_twist(a, b, placed.outcome.alignment)
     turned = _aligned(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters)
     return replace(turned, twist=(twist, plain.result.jaccard))
 
@@ -144,7 +143,7 @@ def _on_one_grid(
 
 def score_placed(placed: Placed, parameters: CompareParameters) -> Comparison:
     """Return the comparison of two sides as they were ``placed``, with scores and doubts."""
-    alignment = placed.alignment
+    alignment = placed.outcome.alignment
     scored, (bent, overlaps) = at_once(
         lambda: score_sides(
             placed.sides, placed.grid, placed.samplings if alignment else None, parameters.tolerance_mm
@@ -174,11 +173,12 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
     first, second = (side.valid for side in placed.sides)
     covered, both = _reached(first) & _reached(second), first & second
     valid_fraction = float(both[covered].mean()) if covered.any() else 0.0
-    by_name = {side.name: cells for side, cells in zip(placed.both, placed.cells, strict=True)}
+    names = placed.both[0].name, placed.both[1].name
+    by_name = dict(zip(names, placed.cells, strict=True))
     jaccard = scores.grid.jaccard if scores else None
     twist = None if placed.twist is None else _corrected_twist(*placed.twist, jaccard)
     doubts = (
-        *(() if twist is None else (doubt_of_twist(twist, placed.names),)),
+        *(() if twist is None else (doubt_of_twist(twist, names),)),
         *placed.doubts,
         *(() if outcome.alignment is None else _doubts_of_alignment(placed, outcome.alignment, bent, parameters)),
         *(() if scores is None else doubts_of_scores(valid_fraction, scores)),
@@ -186,7 +186,7 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
     )
     said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "twist": twist}
     return Result(
-        sides=placed.names,
+        sides=names,
         aligned=outcome.alignment is not None,
         reason=None if outcome.alignment else outcome.reason,
         alignment=StoredAlignment.of(outcome.alignment),
@@ -246,6 +246,5 @@ def _reached(valid: Mask) -> Mask:
 
 
 def _threshold(cells: Segmentation) -> Threshold:
-    by_depth = None if cells.by_depth is None else DecidedByDepth(**asdict(cells.by_depth))
     of = cells.of if cells.eye_declined is None else f"{cells.of}; {cells.eye_declined}"
-    return Threshold(value=cells.threshold, unit=cells.unit, of=of, by_depth=by_depth)
+    return Threshold(value=cells.threshold, unit=cells.unit, of=of, by_depth=cells.by_depth)

@@ -17,7 +17,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
-from endoct.fusion.registration.rigidity import Part
+from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import LEAST_STEP_MM, Step
 from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, PairScores, PlacedPair
 from endoct.stitching.panorama import LEAST_VALID_SHARE, Panorama
@@ -109,7 +109,7 @@ def doubts_of_scale(
         yield Doubt("pitch-contradicted", what, side=remedy.side, value=found, unit=remedy.unit, expected=expected)
 
 
-def doubts_of_parts(parts: Sequence[Part], of: str) -> Iterator[Doubt]:
+def doubts_of_parts(parts: Sequence[LoosePart], of: str) -> Iterator[Doubt]:
     """Yield the doubt about ``parts`` of the wall that do not lie where the alignment puts side ``of``."""
     if not parts:
         return

@@ -96,16 +96,6 @@ class Placed:
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     twist: tuple[Twist, float | None] | None = None
 
-    @property
-    def alignment(self) -> Alignment | None:
-        """Where B lies in A's frame; None where that could not be found."""
-        return self.outcome.alignment
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Names of the sides, A first."""
-        return self.sides[0].name, self.sides[1].name
-
 
 @dataclass(frozen=True, eq=False)
 class Comparison:

@@ -34,10 +34,8 @@ def unroll(request: UnrollRequest) -> Panorama:
 
     The store that is written holds a report, ``report.html``, and pictures of a few frames.
 
-    Arguments are those of :class:`~endoct.workbench.requests.UnrollRequest`. ``settings`` replaces keys of the sidecar
-    and parameters of the plug-in, as ``--set`` does; ``device`` is where to compute what the plug-in can compute
-    elsewhere than on the CPU (:class:`~endoct.modalities.contract.OnDeviceModality`). Raises :class:`EndoctError` where
-    the recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.UnrollRequest`. Raises :class:`EndoctError` where the
+    recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -68,10 +66,7 @@ def compare(request: CompareRequest) -> "Comparison":
     """Compare two sides: panoramas at hand, or paths of recordings, panoramas or mask images.
 
     The comparison, with its report, is written to the folder ``output`` where one is given. Arguments are those of
-    :class:`~endoct.workbench.requests.CompareRequest`. ``settings`` are parameters of the comparison; ``settings_a``
-    and ``settings_b`` replace keys of a side's sidecar and parameters of its plug-in: the same names as for ``--set``,
-    ``--set-a`` and ``--set-b``. ``session`` is a file with landmark pairs that correct and check the alignment;
-    ``device`` is that of :func:`unroll`, for recordings. Where the two could not be aligned, the comparison's
+    :class:`~endoct.workbench.requests.CompareRequest`. Where the two could not be aligned, the comparison's
     ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting, a session or
     the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
@@ -139,9 +134,9 @@ def load(path: Path | str) -> "Comparison | Panorama | dict[str, Any]":
     >>> load("demo/comparison/panoramas/oct.zarr").modality
     'oct'
     """
-    from endoct.workbench.kinds import KINDS, output_at, reader
+    from endoct.workbench.kinds import reader, row_at
 
-    row = KINDS.get(output_at(Path(path)) or "")
+    row = row_at(Path(path))
     if row is None or not row.loaded:
         raise EndoctError(
             f"{path} cannot be loaded",

@@ -4,11 +4,10 @@ A new kind is a row here, and a module with the functions that the row names. Th
 """
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -82,51 +81,49 @@ def is_mask(path: Path) -> bool:
 
 _INFORMATION, _VOLUMES = "endoct.workbench.pipeline.information", "endoct.workbench.pipeline.volumes"
 _COLLECTION, _OPENING = "endoct.workbench.page.collection", "endoct.workbench.page.opening"
-KINDS: Mapping[str, Kind] = MappingProxyType(
-    {
-        row.name: row
-        for row in (
-            Kind(
-                COMPARISON,
-                is_comparison,
-                title="comparison",
-                described=f"{_INFORMATION}:describe_comparison",
-                loaded="endoct.fusion.files.store:load_compared",
-                listed=f"{_COLLECTION}:listed_comparison",
-                shown=f"{_OPENING}:opened_comparison",
-                pictured=f"{_COLLECTION}:pictured_page",
-            ),
-            Kind(
-                PANORAMA,
-                is_panorama,
-                title="recording",
-                described=f"{_INFORMATION}:describe_panorama",
-                loaded="endoct.stitching.store:load_panorama",
-                listed=f"{_COLLECTION}:listed_panorama",
-                shown=f"{_OPENING}:opened_panorama",
-                pictured=f"{_COLLECTION}:pictured_page",
-            ),
-            Kind(
-                SPECIMEN,
-                lambda path: (path / SAMPLE).is_file(),
-                title="specimen",
-                listed=f"{_COLLECTION}:listed_specimen",
-                pictured=f"{_COLLECTION}:pictured_specimen",
-                has_recordings=True,
-            ),
-            Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
-            Kind(
-                POSE,
-                lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE,
-                loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
-            ),
-            Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
-            Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
-            Kind(MASK, is_mask),
-            Kind(RECORDING, lambda _: True, title="recording"),
-        )
-    }
-)
+KINDS: dict[str, Kind] = {
+    row.name: row
+    for row in (
+        Kind(
+            COMPARISON,
+            is_comparison,
+            title="comparison",
+            described=f"{_INFORMATION}:describe_comparison",
+            loaded="endoct.fusion.files.store:load_compared",
+            listed=f"{_COLLECTION}:listed_comparison",
+            shown=f"{_OPENING}:opened_comparison",
+            pictured=f"{_COLLECTION}:pictured_page",
+        ),
+        Kind(
+            PANORAMA,
+            is_panorama,
+            title="recording",
+            described=f"{_INFORMATION}:describe_panorama",
+            loaded="endoct.stitching.store:load_panorama",
+            listed=f"{_COLLECTION}:listed_panorama",
+            shown=f"{_OPENING}:opened_panorama",
+            pictured=f"{_COLLECTION}:pictured_page",
+        ),
+        Kind(
+            SPECIMEN,
+            lambda path: (path / SAMPLE).is_file(),
+            title="specimen",
+            listed=f"{_COLLECTION}:listed_specimen",
+            pictured=f"{_COLLECTION}:pictured_specimen",
+            has_recordings=True,
+        ),
+        Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
+        Kind(
+            POSE,
+            lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE,
+            loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
+        ),
+        Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
+        Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
+        Kind(MASK, is_mask),
+        Kind(RECORDING, lambda _: True, title="recording"),
+    )
+}
 """All kinds by name, in the order in which a path is asked for them. What is none of them may be a recording."""
 INPUTS = (PLAN, VOLUME, MASK, RECORDING)
 
@@ -138,6 +135,11 @@ def output_at(path: Path) -> str | None:
     """
     outputs = (name for name, row in KINDS.items() if name not in INPUTS and row.is_at(path))
     return next(outputs, None) or kind_of(path)
+
+
+def row_at(path: Path) -> Kind | None:
+    """Return the row of the output at ``path``; None where there is none. Raises what :func:`output_at` does."""
+    return KINDS.get(output_at(path) or "")
 
 
 def kind_at(path: Path) -> str:

@@ -9,17 +9,13 @@ from endoct.base.compute.compiled import compiled
 
 
 def vertex(before: Any, here: Any, after: Any) -> NDArray[Any]:
-    """Return where parabolas through three equally spaced samples have their top, from the middle one; 0 without one.
-
-    Each is a number or an array, all of one shape; the answer is a fraction of a step, within ±0.5 where ``here`` is
-    the highest.
-    """
+    """Return where parabolas through three even samples, numbers or arrays, have their top, in steps; 0 without one."""
     bend = np.asarray(before - 2 * here + after)
     return np.asarray(np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend < 0))
 
 
 @compiled
 def vertex_in_loops(before: float, here: float, after: float) -> float:
-    """Return :func:`vertex` of three numbers inside compiled loops."""
+    """Return :func:`vertex` of numbers inside compiled loops."""
     bend = before - 2 * here + after
     return 0.5 * (before - after) / bend if bend < 0 else 0.0

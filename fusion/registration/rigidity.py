@@ -204,7 +204,7 @@ FARTHEST_MM = max(look.reach_mm for look in (NEAR, FAR, EXCHANGED))
 
 
 @dataclass(frozen=True)
-class Part:
+class LoosePart:
     """A part of the wall that fits best elsewhere, ``along_mm`` and ``around_mm`` from where it should.
 
     Attributes
@@ -232,7 +232,7 @@ class Part:
         return float(np.hypot(self.along_mm, self.around_mm))
 
 
-def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[Part, ...]:
+def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[LoosePart, ...]:
     """Return the parts of the wall that do not lie where ``alignment`` puts B on A, the farthest off first."""
     one, two = in_one_frame(clipped(a), clipped(b), alignment, FARTHEST_MM)
     parts = [
@@ -256,9 +256,9 @@ class FittedPart:
     lone: bool = False  # whether it shows a single cell
 
     @property
-    def part(self) -> Part:
+    def part(self) -> LoosePart:
         """It, as a part of the wall that fits best elsewhere."""
-        return Part(self.kind, self.first, self.last, self.fit.along_mm, self.fit.around_mm, self.fit.correlation)
+        return LoosePart(self.kind, self.first, self.last, self.fit.along_mm, self.fit.around_mm, self.fit.correlation)
 
 
 def bands(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
@@ -283,7 +283,7 @@ def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
         yield FittedPart("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
 
 
-def _displaced(parts: Iterator[FittedPart], look: Look) -> Iterator[Part]:
+def _displaced(parts: Iterator[FittedPart], look: Look) -> Iterator[LoosePart]:
     """Yield the parts that are sure of their place, each by itself, and fit best elsewhere."""
     for part in parts:
         if part.fit.stands_out(clear=LONE_CLEAR if part.lone else look.clear, gain=look.better):
@@ -295,7 +295,7 @@ def _shows_one_cell(evidence: Evidence) -> bool:
     return evidence.knows_cells and label(evidence.valid & (evidence.values > CLIP[evidence.kind][1] / 2))[1] < 2
 
 
-def _exchanged(bands: Sequence[FittedPart]) -> Iterator[Part]:
+def _exchanged(bands: Sequence[FittedPart]) -> Iterator[LoosePart]:
     """Yield pairs of bands each of which fits where the other one is."""
     sure = [band for band in bands if band.fit.stands_out(clear=EXCHANGED.clear, gain=EXCHANGED.better)]
     for one in sure:
@@ -307,7 +307,7 @@ def _exchanged(bands: Sequence[FittedPart]) -> Iterator[Part]:
                 yield two.part
 
 
-def _turned(a: Evidence, b: Evidence) -> Iterator[Part]:
+def _turned(a: Evidence, b: Evidence) -> Iterator[LoosePart]:
     """Yield the surest sector of the smaller of the two arcs that lie farthest apart around the bore, and how far.
 
     A step turns whole arcs; one sector alone, which may hold a single cell, says little. Sectors across the step count

@@ -27,7 +27,7 @@ from endoct.fusion.segmentation.learned.looking import (
     weights_for,
 )
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
-from endoct.fusion.segmentation.segment import ByDepth, Segmentation, doubts_of_share
+from endoct.fusion.segmentation.segment import Segmentation, decided_by_depth, doubts_of_share
 
 LEAST_PROBABILITY = 0.4
 """A sample is a cell from this probability on. On the simulator 0.4 to 0.5 do alike; the eye rather misses what it does
@@ -112,9 +112,9 @@ def cells_by_eye(
     mask = cells_of(probability.of_cell)
     by_depth = None
     if relief is not None and probability.without_depth is not None:
-        without, n = cells_of(probability.without_depth), max(int(np.count_nonzero(valid)), 1)
-        shares = (relief.known & valid, _beyond(mask, without, darkness), _beyond(without, mask, darkness))
-        by_depth = ByDepth(*(int(np.count_nonzero(some)) / n for some in shares))
+        without = cells_of(probability.without_depth)
+        moved = _beyond(mask, without, darkness), _beyond(without, mask, darkness)
+        by_depth = decided_by_depth(valid, relief.known, *moved)
     of = f"probability of a cell, by the learned eye for {view.modality} panoramas"
     expected = expected_jaccard(probability.of_cell, mask, valid)
     doubts = tuple(_doubts(float(mask[valid].mean()), expected))

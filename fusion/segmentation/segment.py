@@ -19,6 +19,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.regions import label, looked_up, quantiles
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
+from endoct.fusion.result import DecidedByDepth
 from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
@@ -47,18 +48,16 @@ They are 90 endoscope walls of a second generator (benchmarks/independent: sound
 and many)."""
 
 
-@dataclass(frozen=True)
-class ByDepth:
-    """How much depth decided, as shares of what was observed: where it is ``known``, ``added`` and ``dropped``."""
-
-    known: float
-    added: float
-    dropped: float
+def decided_by_depth(valid: Mask, known: Mask, added: Mask, dropped: Mask) -> DecidedByDepth:
+    """Return how much depth decided, as shares of what is ``valid``."""
+    n = max(int(np.count_nonzero(valid)), 1)
+    masks = {"known": known & valid, "added": added, "dropped": dropped}
+    return DecidedByDepth(**{name: int(np.count_nonzero(mask)) / n for name, mask in masks.items()})
 
 
 def judged_by_depth(
     cells: Mask, darkness: Evidence, relief: ParallaxRelief, parameters: SegmentParameters
-) -> tuple[Mask, ByDepth]:
+) -> tuple[Mask, DecidedByDepth]:
     """Return ``cells``, bool (n_z, n_theta), with what lies behind the wall and without stains; and how much changed.
 
     ``darkness`` is the evidence by which they were found; ``relief`` is on the same samples.
@@ -67,9 +66,7 @@ def judged_by_depth(
     behind = _behind(darkness, relief, parameters)
     both = clean((cells & ~stains) | behind, darkness.dz_mm, darkness.column_mm, parameters) | (cells & ~stains)
     both &= darkness.valid
-    observed = max(int(np.count_nonzero(darkness.valid)), 1)
-    shares = (relief.known & darkness.valid, both & ~cells, stains & darkness.valid)
-    return both, ByDepth(*(int(np.count_nonzero(some)) / observed for some in shares))
+    return both, decided_by_depth(darkness.valid, relief.known, both & ~cells, stains & darkness.valid)
 
 
 def _behind(darkness: Evidence, relief: ParallaxRelief, parameters: SegmentParameters) -> Mask:
@@ -183,7 +180,7 @@ class Segmentation:
     of: str
     polarity: Polarity | None
     polarity_from: str | None = None
-    by_depth: ByDepth | None = None
+    by_depth: DecidedByDepth | None = None
     doubts: tuple[Doubt, ...] = ()
     by: Literal["rules", "eye", "method", "mask"] = "rules"
     eye_declined: EyeDeclined | None = None

@@ -34,9 +34,14 @@ def segment_sides(
     """
     agreement = None if alignment is None else alignment.correlation
     of_a, of_b = a.evidence, b.evidence
+
+    def segmented(side: Side, other: Evidence, agreement: float | None) -> Segmentation:
+        if side.cell_evidence(parameters.segment).knows_cells:
+            return segment_side(side, parameters, "dark")
+        return segment_side(side, parameters, *_polarity(side, polarity, other, agreement))
+
     return at_once(
-        lambda: _segmented(a, parameters, polarity, of_b, agreement if of_b.knows_cells else None),
-        lambda: _segmented(b, parameters, polarity, of_a, agreement),
+        lambda: segmented(a, of_b, agreement if of_b.knows_cells else None), lambda: segmented(b, of_a, agreement)
     )
 
 
@@ -83,23 +88,13 @@ def doubts_of_side(side: Side, cells: Segmentation) -> tuple[Doubt, ...]:
     return tuple(doubt.of_side(side.name) for doubt in doubts)
 
 
-def _segmented(
-    side: Side,
-    parameters: SegmentParameters,
-    polarity: Literal["auto", "dark", "bright"],
-    other: Evidence,
-    agreement: float | None,
-) -> Segmentation:
-    """Return the cells; ``agreement`` is the side's correlation with ``other``, None where that says nothing."""
-    if side.cell_evidence(parameters.segment).knows_cells:
-        return segment_side(side, parameters, "dark")
-    return segment_side(side, parameters, *_polarity(side, polarity, other, agreement))
-
-
 def _polarity(
     side: Side, given: Literal["auto", "dark", "bright"], other: Evidence, agreement: float | None
 ) -> tuple[Polarity, str]:
-    """Return whether the cells of ``side`` are dark or bright, and how that is known."""
+    """Return whether the cells of ``side`` are dark or bright, and how that is known.
+
+    ``agreement`` is its correlation with ``other``, None where that says nothing.
+    """
     if given != "auto":
         return given, "given"
     if side.relief is not None:

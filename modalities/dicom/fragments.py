@@ -29,7 +29,7 @@ STARTS = (b"\xff\xd8\xff", CODESTREAM[:3])
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class FragmentPlaces:
     """Where compressed frames lie: ``pieces`` (n, 2), start and length in bytes; frame i has ``first[i]`` and on."""
 
     pieces: NDArray[np.int64]
@@ -49,7 +49,7 @@ class Places:
         return bytes(data)
 
 
-def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n_frames: int) -> Places:
+def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n_frames: int) -> FragmentPlaces:
     """Return where compressed frames lie. Raises :class:`EndoctError` where they are not all there."""
     table, pieces = np.split(fragments_of(file, path, start), [1])
     n = len(pieces)
@@ -57,7 +57,7 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
     if n == n_frames or (
         n_frames == 1 and n and len(offsets) < 2 and not any(_begins(file, at) for at in pieces[1:, 0].tolist())
     ):
-        return Places(pieces, np.linspace(0, n, n_frames + 1, dtype=np.int64))
+        return FragmentPlaces(pieces, np.linspace(0, n, n_frames + 1, dtype=np.int64))
     if len(offsets) != n_frames:
         found = f"{n} fragments" + ("" if n < n_frames else ", which nothing assigns to frames")
         raise EndoctError(f"{path} is not whole", found=found, expected=f"{n_frames} frames", remedy=COPY)
@@ -69,7 +69,7 @@ def places_of(file: BufferedReader, path: Path, start: int, header: "Dataset", n
         or (pieces[first, 0] - pieces[0, 0] != offsets).any()
     ):
         raise EndoctError(f"{path} is damaged", found="a table of frames that leads nowhere", remedy=COPY)
-    return Places(pieces, np.append(first, n))
+    return FragmentPlaces(pieces, np.append(first, n))
 
 
 def _begins(file: BufferedReader, at: int) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
 from endoct.modalities.dicom.decoding import Stated, Stream, decoded, decoded_rle, stream_of
-from endoct.modalities.dicom.fragments import COPY, Places
+from endoct.modalities.dicom.fragments import COPY, FragmentPlaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class ReadSamples:
     photometric: str
     start: int
     options: dict[str, Any] = field(repr=False)
-    places: Places | None = None
+    places: FragmentPlaces | None = None
     coded: Stream | None = None
     in_ybr: bool = False
     palette: NDArray[Any] | None = field(default=None, repr=False)

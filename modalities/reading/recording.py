@@ -62,6 +62,7 @@ class ImageStack:
         self.reader = read
         self._remarks = remarks
         self._prints: dict[int, bytes] = {}
+        self._only: NDArray[Any] | None = None
         first = self._frame(0)
         self.frame_shape: tuple[int, ...] = first.shape
         self.dtype: np.dtype[Any] = first.dtype
@@ -125,13 +126,22 @@ class ImageStack:
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return a frame as its file holds it: with transparency, and with numbers of colours for these."""
-        return np.asarray(getattr(self.reader, "stored", self.reader)(index))
+        return np.asarray(getattr(self.reader, "stored", self._decoded)(index))
 
     def _copied(self, remarks: Remarks, *, grey: bool) -> "ImageStack":
         return ImageStack(self.path, len(self), self.reader, along=self.along, remarks=remarks, grey=grey)
 
+    def _decoded(self, index: int) -> NDArray[Any]:
+        """Return a frame as its reader gives it; the only one of a stack is read once."""
+        if len(self) > 1:
+            return self.reader(index)
+        if self._only is None:
+            self._only = self.reader(index)
+            self._only.flags.writeable = False
+        return self._only
+
     def _frame(self, index: int) -> NDArray[Any]:
-        frame = self.reader(index)
+        frame = self._decoded(index)
         if frame.ndim == 3 and frame.shape[2] in (1, 2, 4):
             frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
         if self._grey:

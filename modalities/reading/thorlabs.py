@@ -53,7 +53,7 @@ LEAST_DB = -100.0
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class ThorlabsRecording:
     """A file, or the files of the stops of a pullback in their order; ``first`` of them says how all are read."""
 
     containers: tuple[Container, ...]
@@ -77,11 +77,11 @@ class Recording:
         return f"the header of {self.first.path.name}" if n == 1 else f"the headers of {n} .oct files"
 
 
-def open_recording(files: Files) -> Recording:
+def open_scan(files: Files) -> ThorlabsRecording:
     """Return the recording that lies in ``files``. Raises :class:`EndoctError` where it cannot be read."""
     if len(files) == 1:
         container = open_container(files[0])
-        return Recording((container,), None, container.remarks)
+        return ThorlabsRecording((container,), None, container.remarks)
     ordered, along, remarks = _ordered([open_container(file) for file in files])
     first, folder = ordered[0], files[0].parent
     for each in ordered:
@@ -103,7 +103,7 @@ def open_recording(files: Files) -> Recording:
         remarks += Remarks(doubts=tuple(doubt for doubt in each.remarks.doubts if doubt.code not in codes))
     remarks += Remarks(notes=first.remarks.notes) + _on_stops(ordered)
     one_a_stop = tuple(replace(each, bscans=each.bscans[:1]) for each in ordered)
-    return Recording(one_a_stop, along, remarks)
+    return ThorlabsRecording(one_a_stop, along, remarks)
 
 
 def read_ascans(ascans: AScans, n_samples: int, dtype: np.dtype[Any], room: NDArray[Any] | None = None) -> NDArray[Any]:
@@ -119,7 +119,7 @@ def read_ascans(ascans: AScans, n_samples: int, dtype: np.dtype[Any], room: NDAr
 class ReadBScans:
     """Reads B-scans that ThorImage made: called with an index, returns one, float32 dB (depth, A-scan)."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: ThorlabsRecording) -> None:
         self._bscans = recording.bscans
         self._n_samples, self._dtype = recording.first.n_samples, recording.first.dtype
 
@@ -133,7 +133,7 @@ class ReadBScans:
 
 
 def _open(files: Files) -> Frames:
-    recording = open_recording(files)
+    recording = open_scan(files)
     if recording.first.kind == "raw":
         raise EndoctError(
             f"{recording.first.path} holds raw spectra, of which only the modality 'oct' makes images",
@@ -147,7 +147,7 @@ def _states(files: Files) -> Stated:
 
     Not what it knows nothing of: bore, capillary and pullback.
     """
-    recording = open_recording(files)
+    recording = open_scan(files)
     first = recording.first
     keys: dict[str, Any] = {"modality": "oct"}
     pixels = [each.axial_pixel_mm for each in recording.containers]

@@ -49,7 +49,7 @@ def size_of_source(source: Source) -> int:
 
 
 @contextmanager
-def open_source(source: Source) -> Iterator[BinaryIO]:
+def opened_bytes(source: Source) -> Iterator[BinaryIO]:
     """Open a file, or a part of one, to read. Raises what :func:`~endoct.base.files.files.open_regular` does."""
     if not isinstance(source, FilePart):
         with open_regular(source) as file:
@@ -62,7 +62,7 @@ def open_source(source: Source) -> Iterator[BinaryIO]:
 def start_of_source(source: Source, count: int) -> bytes:
     """Return the first ``count`` bytes, none where they cannot be read."""
     try:
-        with open_source(source) as file:
+        with opened_bytes(source) as file:
             return file.read(count) or b""  # None where a system's file has nothing to say just now
     except (EndoctError, OSError):
         return b""
@@ -140,7 +140,7 @@ def opened_video(path: Source, *, edited: bool = True) -> "Iterator[av.container
     unedited = {} if edited or container != "mov" else {"ignore_editlist": "1"}
     most_pixels = str(largest_array_bytes() // PIXEL_BYTES)
     with (
-        open_source(path) as file,
+        opened_bytes(path) as file,
         load_av().open(
             file,
             "r",
@@ -193,7 +193,7 @@ def cause_of_video(error: Exception) -> str:
 def is_cut_off(path: Source) -> bool | None:
     """Say whether a file ends before the end that its container states; None where that states none."""
     size = size_of_source(path)
-    with open_source(path) as file:
+    with opened_bytes(path) as file:
         start = file.read(4)
         if start == b"RIFF":
             return _riff_end(file, size) > size
@@ -203,7 +203,7 @@ def is_cut_off(path: Source) -> bool | None:
 
 def has_edits(path: Source) -> bool:
     """Say whether an MP4 or QuickTime file shows its frames otherwise than recorded: by two edits or more."""
-    with open_source(path) as file:
+    with opened_bytes(path) as file:
         moov = _atom(file, b"moov")
     at = moov.find(b"elst")
     while at >= 0:

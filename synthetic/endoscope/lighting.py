@@ -50,8 +50,8 @@ class LitSurface:
 
     ``maps`` (row, column, 4): albedo, rim light, slopes along z and θ of the rows that are seen, crumbs included;
     ``shade`` (row, column / 2, 2) of the same rows; ``wet`` (row, column), None where all is dry; ``bounced``: the
-    light that comes by way of other bone; ``first_row``, ``dz_mm``, ``dtheta_rad``: where the maps lie;
-    ``apex_mm``: z of the mirror's apex; ``lined``: whether cells have a lining.
+    light that comes by way of other bone; ``first_row`` of the ``wall``: where the maps begin; ``apex_mm``: z of the
+    mirror's apex; ``lined``: whether cells have a lining.
     """
 
     maps: Image
@@ -59,8 +59,7 @@ class LitSurface:
     wet: Image | None
     bounced: Bounced
     first_row: int
-    dz_mm: float
-    dtheta_rad: float
+    wall: WallMaps
     apex_mm: float
     lined: bool
 
@@ -75,8 +74,8 @@ def light(frame: FrameView, lit: LitSurface, pixels: View, hits: Hits) -> Image:
     shades = lookup_all(lit.shade, hits.row, hits.column * np.float32(1 / EVERY_COLUMN))
     wet = None if lit.wet is None else lookup(lit.wet, hits.row, hits.column)
     deep_mm = np.maximum(hits.radius_mm - np.float32(frame.radius_mm), 0)
-    z_mm = (hits.row + lit.first_row) * np.float32(lit.dz_mm)
-    theta_rad = hits.column * np.float32(lit.dtheta_rad)
+    z_mm = (hits.row + lit.first_row) * np.float32(lit.wall.dz_mm)
+    theta_rad = hits.column * np.float32(lit.wall.dtheta_rad)
     at = LitPlaces(z_mm - np.float32(lit.apex_mm), theta_rad, hits.radius_mm, slope_z, slope_theta, *shades)
     diffuse, arriving = direct(frame, at)
     diffuse += lit.bounced.at(z_mm, theta_rad, hits.radius_mm)
@@ -224,8 +223,7 @@ def lit_frame(frame: FrameView, wall: WallMaps, lighting: Lighting) -> tuple[Vis
         wet=wet if wet.any() else None,
         bounced=bounced(frame, wall, lighting.facets, lighting.shade),
         first_row=reached.first_row,
-        dz_mm=wall.dz_mm,
-        dtheta_rad=wall.dtheta_rad,
+        wall=wall,
         apex_mm=(reached.first_row + reached.apex_row) * wall.dz_mm,
         lined=lighting.lined,
     )

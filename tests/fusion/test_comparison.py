@@ -5,6 +5,8 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from matplotlib import pyplot as plt
 
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian, wrap_rad
+from endoct.fusion import comparison
 from endoct.fusion.comparison import (
     CompareParameters,
     Comparison,
@@ -28,6 +31,7 @@ from endoct.fusion.comparison import (
 )
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import ByHand
 from endoct.fusion.scoring.overlap import BOTH
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
@@ -107,7 +111,18 @@ def test_both_sides_are_placed_as_they_will_be_scored(pair: Pair, correct_twist:
     parameters = COARSE.model_copy(update={"correct_twist": correct_twist})
     shown = place_sides(*two_sides(pair.a, pair.b), parameters)
     found = score_placed(shown, parameters)
-    assert (shown.grid, shown.sides, shown.alignment) == (found.grid, found.sides, found.alignment)
+    assert (shown.grid, shown.sides, shown.outcome.alignment) == (found.grid, found.sides, found.alignment)
+
+
+@pytest.mark.parametrize(("corrected", "doubted"), [(None, True), (False, True), (True, False)])
+def test_pairs_that_only_check_leave_the_doubts_of_the_search(
+    compared: Comparison, pair: Pair, corrected: bool | None, doubted: bool
+) -> None:
+    by_hand = None if corrected is None else ByHand(corrected=corrected, automatic=None, pairs=())
+    placed: Any = SimpleNamespace(both=two_sides(pair.a, pair.b), by_hand=by_hand)
+    forced = COARSE.model_copy(update={"force": True})
+    codes = [doubt.code for doubt in comparison._doubts_of_alignment(placed, compared.alignment, (), forced)]
+    assert ("forced" in codes) == doubted
 
 
 def test_on_disk_and_back(compared: Comparison, tmp_path: Path) -> None:

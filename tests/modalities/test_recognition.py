@@ -8,6 +8,7 @@ import pytest
 from endoct.base.errors import EndoctError
 from endoct.modalities import recognition, registry
 from endoct.modalities.acquisition import read_toml
+from endoct.modalities.reading.format import Stated
 from endoct.modalities.recognition import CONTRADICTED, STATED, recognise
 
 
@@ -34,6 +35,15 @@ def test_every_key_has_the_source_that_states_it(pullback: Path) -> None:
     assert recognised.missing == {}
     assert recognised.format == "TIFF"
     assert recognised.acquisition({"bore_diameter_mm": 1.8}).bore_diameter_mm == 1.8
+
+
+def test_what_a_sidecar_says_wins_over_what_files_state(pullback: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stated = Stated({"axial_pixel_mm": 9.0, "bore_diameter_mm": 9.0, "theta_origin_rad": 0.5}, "its header")
+    monkeypatch.setattr(recognition, "stated_keys", lambda *_: stated)
+    recognised = recognise(pullback)
+    assert recognised.keys["axial_pixel_mm"] == recognised.cited["axial_pixel_mm"] < 1
+    assert recognised.keys["bore_diameter_mm"] == recognised.own["bore_diameter_mm"] < 9
+    assert recognised.keys["theta_origin_rad"] == 0.5
 
 
 def test_how_sure_it_is_depends_on_who_said_it(pullback: Path, quick_specimen: Path) -> None:

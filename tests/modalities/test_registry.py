@@ -114,6 +114,7 @@ def test_opening_needs_a_sidecar_and_overrides_replace_its_keys(tmp_path: Path) 
     (tmp_path / "sonar").touch()
     with pytest.raises(EndoctError, match=r"has no acquisition.toml.*--write-sidecar"):
         open_recording(tmp_path)
+    assert open_recording(tmp_path, overrides={"bore_diameter_mm": 1.8})[1].acquisition.bore_diameter_mm == 1.8
     (tmp_path / "acquisition.toml").write_text("bore_diameter_mm = 2.5\n")
     for wrong in ("abc", -1.0):
         with pytest.raises(EndoctError, match=r"^'bore_diameter_mm' in the settings cannot be used"):

@@ -14,12 +14,15 @@ from workbench_page import written
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
-from endoct.workbench import kinds
+from endoct.base.files.contents import seal
+from endoct.modalities.reading import images
+from endoct.workbench import kinds, load
 from endoct.workbench.desk.study import inputs_in
-from endoct.workbench.exporting.source import open_source as open_export
-from endoct.workbench.kinds import KINDS, kind_at, output_at, places_in, reader
-from endoct.workbench.page.collection import entries_in
-from endoct.workbench.page.opening import can_be_shown
+from endoct.workbench.exporting.source import open_for_export
+from endoct.workbench.kinds import KINDS, Kind, kind_at, output_at, places_in, reader
+from endoct.workbench.page.collection import collection_html, entries_in
+from endoct.workbench.page.opening import can_be_shown, open_shown
+from endoct.workbench.page.presence import Origin
 from endoct.workbench.pipeline.information import describe
 from endoct.workbench.pipeline.unread import Unread
 from endoct.workbench.running.outputs import DATA_SET, POSE
@@ -37,10 +40,11 @@ def study(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     shutil.copytree(top / "comparison" / "panoramas" / "oct.zarr", top / "panorama")
     shutil.copytree(quick_specimen, top / "specimen", ignore=shutil.ignore_patterns("labels"))
     shutil.copytree(quick_specimen / "oct", top / "recording")
+    shutil.copytree(quick_specimen / "oct", top / "specimen" / "truth" / "again")
     (top / DATA_SET).mkdir()
     (top / DATA_SET / "dataset.json").write_text(json.dumps({"count": 0, "arguments": {}, "versions": {}}))
     (top / POSE).mkdir()
-    (top / POSE / "pose.json").write_text("{}")
+    (top / POSE / "pose.json").write_text(json.dumps({"sides": ["oct"], "told": False, "reason": "why not"}))
     said = {"format": "endoct-output-1", "kind": POSE, "files": {}, "parts": {}}
     (top / POSE / "endoct-output.json").write_text(json.dumps(said))
     write_series(top / "volume", named_slices(drawn(Random(1))))
@@ -67,17 +71,75 @@ def test_all_who_ask_agree_what_lies_at_a_path(study: Path, kind: str) -> None:
     path, row = _at(study, kind), KINDS[kind]
     assert kind_at(path) == kind
     assert output_at(path) == (None if kind in kinds.INPUTS else kind)
-    for named in (row.described, row.listed, row.shown, row.pictured):
+    for named in (row.described, row.loaded, row.listed, row.shown, row.pictured):
         assert not named or callable(reader(named))
+    assert bool(row.listed) == bool(row.pictured)
+    assert _refused(load, path) != bool(row.loaded)
     listed = {entry.name: entry for entry in entries_in(study)}
     assert (kind in listed) == bool(row.listed)
+    assert not [name for name in listed if "/" in name]  # nothing is looked for inside what is listed
     if row.listed:
         assert (listed[kind].kind, listed[kind].fault) == (row.title, "")
         assert listed[kind].can_be_opened == bool(row.shown) == can_be_shown(path)
-    assert _refused(open_export, path) == (kind not in ("comparison", "panorama", "specimen"))
+    assert _refused(open_for_export, path) == (kind not in ("comparison", "panorama", "specimen"))
     is_side = kind in ("panorama", "mask", "recording")
     assert _refused(lambda of: open_source(Source(of, None, {})), path) != is_side
     assert _refused(lambda of: side_of_comparison(Source(of, None, {})), path) == (kind == "comparison")
+
+
+def said(path: Path) -> dict[str, object]:
+    """Stand for what describes, lists and loads an album."""
+    return {"what": f"an album of {path.name}"}
+
+
+def shown(_: Origin) -> str:
+    """Stand for what opens its page."""
+    return "its page"
+
+
+def test_a_new_kind_is_a_row_and_its_readers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "trip").mkdir()
+    (tmp_path / "trip" / "album.json").write_text("{}")
+    seal(tmp_path / "trip", "album")
+    by = dict.fromkeys(("described", "listed", "loaded", "pictured"), f"{__name__}:said")
+    row = Kind("album", lambda path: (path / "album.json").is_file(), title="album", shown=f"{__name__}:shown", **by)
+    before = entries_in(tmp_path)
+    monkeypatch.setitem(kinds.KINDS, "album", row)
+    (entry,) = entries_in(tmp_path)
+    assert (before, entry.name, entry.kind, entry.what) == ((), "trip", "album", "an album of trip")
+    assert entry.can_be_opened
+    assert "<span>1 album</span>" in collection_html("all", (entry,), "v")
+    assert describe(tmp_path / "trip") == load(tmp_path / "trip") == said(tmp_path / "trip")
+    assert open_shown(tmp_path / "trip") == "its page"
+    assert [(verdict.kind, verdict.intact) for verdict in verify(tmp_path, progress=False)] == [("album", True)]
+
+
+def test_a_single_image_is_decoded_once(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded: list[Path] = []
+    read = images.read_single
+    monkeypatch.setattr(images, "read_single", lambda path: (decoded.append(path), read(path))[1])
+    assert kind_at(study / "mask.PNG") == "mask"
+    assert decoded == [study / "mask.PNG"]
+
+
+def test_a_sidecar_makes_a_recording_of_what_lies_next_to_it(study: Path, tmp_path: Path) -> None:
+    shutil.copy(study / "plan", tmp_path / "plan")
+    assert kind_at(tmp_path / "plan") == "plan"
+    (tmp_path / "acquisition.toml").write_text("")
+    assert kind_at(tmp_path / "plan") == "recording"
+
+
+def test_a_folder_that_is_listed_lists_what_lies_in_it(study: Path) -> None:
+    names = [entry.name for entry in entries_in(study / "comparison")]
+    assert names == ["panoramas/endoscope.zarr", "panoramas/oct.zarr"]
+
+
+def test_one_side_of_a_comparison_is_named_with_a_colon(study: Path) -> None:
+    for folder, of in (("comparison", "comparison/panoramas/oct.zarr"), ("recording", "recording:oct")):
+        source = Source(study / f"{folder}:oct", None, {})
+        assert side_of_comparison(source).path == study / of
+    with pytest.raises(EndoctError, match="has no such side; found ct; expected endoscope, oct"):
+        side_of_comparison(Source(study / "comparison:ct", None, {}))
 
 
 def test_what_it_says_of_itself_is_its_kind(study: Path) -> None:

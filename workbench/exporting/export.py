@@ -10,7 +10,7 @@ from endoct.base.files.files import path_text
 from endoct.base.files.output import check_output, never, new_output
 from endoct.workbench.exporting.formats import FORMATS, Format, format_for
 from endoct.workbench.exporting.mark import is_marked
-from endoct.workbench.exporting.source import open_source
+from endoct.workbench.exporting.source import open_for_export
 from endoct.workbench.requests import ExportRequest, FormatName, by_request
 from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import stages_for
@@ -38,12 +38,8 @@ class Exported:
 def export(request: ExportRequest) -> Exported:
     """Write a panorama, a comparison or a simulated specimen's truth for another program to open, sizes in mm.
 
-    Arguments are those of :class:`~endoct.workbench.requests.ExportRequest`. ``to`` is the format; without it the
-    suffix of ``output`` says. ``color``: what colours a wall, a side's name for its brightness or "relief". ``side``:
-    whose relief a wall has, or whose numbers per frame a table. ``voxel_mm``: size of the voxels of a volume across the
-    bore (0.01). ``vertex_mm``: distance of the vertices of a wall (0.02). ``version`` of OME-Zarr (0.5). ``inverse``: a
-    transform from the first side's frame to the second's. Raises :class:`EndoctError` where ``path`` has nothing of the
-    kind, an option is not one of the format, or ``output`` exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.ExportRequest`. Raises :class:`EndoctError` where ``path``
+    has nothing of the kind, an option is not one of the format, or ``output`` exists and ``overwrite`` is not set.
 
     With the comparison that :func:`~endoct.workbench.api.demo` makes in its example:
 
@@ -55,7 +51,7 @@ def export(request: ExportRequest) -> Exported:
     path, output, overwrite = Path(request.path), Path(request.output), request.overwrite
     chosen = format_for(request.to, output)
     _check_options(chosen, request)
-    source, stages = open_source(path), stages_for(request.progress)
+    source, stages = open_for_export(path), stages_for(request.progress)
     is_ours = is_marked if chosen.is_marked and not chosen.is_folder else never
     inputs = [path, source.folder]
     if output.is_file() and not chosen.is_marked and overwrite:

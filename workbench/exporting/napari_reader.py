@@ -9,7 +9,7 @@ from typing import Any
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.exporting.image_layers import contrast_of, levels_of, read_level, thinned
-from endoct.workbench.exporting.source import Source, open_source
+from endoct.workbench.exporting.source import Source, open_for_export
 
 LayerData = tuple[Any, dict[str, Any], str]
 COLOURS = "magenta", "green"
@@ -20,10 +20,10 @@ def reader_of(path: str | list[str]) -> Callable[[str], list[LayerData]] | None:
     if not isinstance(path, str):
         return None
     try:
-        open_source(Path(path))
+        open_for_export(Path(path))
     except EndoctError:
         return None
-    return lambda chosen: layers_of(open_source(Path(chosen)))
+    return lambda chosen: layers_of(open_for_export(Path(chosen)))
 
 
 def layers_of(source: Source) -> list[LayerData]:

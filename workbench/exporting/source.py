@@ -66,7 +66,7 @@ class Source:
         return next((one for one in self.layers if (one.side, one.quantity) == (side, quantity)), None)
 
 
-def open_source(path: Path) -> Source:
+def open_for_export(path: Path) -> Source:
     """Open what `endoct unroll`, `endoct compare` or `endoct simulate` wrote to ``path``.
 
     Raises :class:`EndoctError` where it is none of these, or damaged.

@@ -21,7 +21,7 @@ from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.scoring.cells import OBSERVED, Cell
 from endoct.stitching.store import PanoramaOutline
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.workbench.kinds import COMPARISON_STORE, KINDS, output_at, reader
+from endoct.workbench.kinds import COMPARISON_STORE, reader, row_at
 from endoct.workbench.page.description import CellPart, CellState, Description, OutlinePart, WallPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
@@ -54,8 +54,7 @@ REAL = 0.5
 
 def can_be_shown(path: Path) -> bool:
     """Say whether ``path`` is, or should be, a comparison or a panorama."""
-    row = KINDS.get(output_at(path) or "")
-    return row is not None and bool(row.shown)
+    return (row := row_at(path)) is not None and bool(row.shown)
 
 
 def open_shown(path: Path) -> Shown:
@@ -63,7 +62,7 @@ def open_shown(path: Path) -> Shown:
 
     Raises :class:`EndoctError` where it is neither, damaged, or replaced meanwhile.
     """
-    origin, row = Origin(path), KINDS.get(output_at(path) or "")
+    origin, row = Origin(path), row_at(path)
     if row is not None and row.shown:
         shown: Shown = reader(row.shown)(origin)
         origin.check_present()

@@ -20,10 +20,11 @@ from PIL import Image as Pillow
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import digests
-from endoct.modalities.contract import Frame, FrameStream, Manifest, Picture, Seen
+from endoct.modalities.contract import FrameStream, Manifest, Picture, Seen
 from endoct.modalities.illustration import illustrated
 from endoct.modalities.recognition import open_recording
 from endoct.stitching.store import PanoramaOutline
+from endoct.workbench.sides.recordings import Watched
 
 State = Literal["unread", "reading", "read", "failed"]
 QUALITY = 92
@@ -87,29 +88,6 @@ def path_of_recording(outline: PanoramaOutline) -> Path | None:
     return None
 
 
-class _Counted:
-    """A stream that counts the frames that were read."""
-
-    def __init__(self, stream: FrameStream) -> None:
-        self._stream, self.n_read = stream, 0
-
-    @property
-    def acquisition(self) -> Any:
-        return self._stream.acquisition
-
-    @property
-    def share(self) -> float:
-        """Share of the frames that were read, 0 to 1."""
-        return min(1.0, self.n_read / max(1, len(self._stream)))
-
-    def __len__(self) -> int:
-        return len(self._stream)
-
-    def __getitem__(self, index: int) -> Frame:
-        self.n_read += 1
-        return self._stream[index]
-
-
 @dataclass
 class Reader:
     """Surveys a recording in a thread of its own once that is started, and then pictures any of its frames."""
@@ -117,16 +95,13 @@ class Reader:
     recording: RecordingAtHand
     state: State = "unread"
     said: str = ""
-    _stream: _Counted | None = None
+    share: float = 0.0
+    """How much of the recording was read, 0 to 1."""
+    _stream: FrameStream | None = None
     _manifest: Manifest | None = None
     _calibration: Any = None
     _order: Sequence[int] = ()
     _lock: threading.Lock = field(default_factory=threading.Lock)
-
-    @property
-    def share(self) -> float:
-        """How much of the recording was read, 0 to 1."""
-        return 0.0 if self._stream is None else self._stream.share
 
     def start(self) -> None:
         """Begin to read the recording, unless that was begun already."""
@@ -158,6 +133,9 @@ class Reader:
         if recording.inputs != _within(digests(recording.path), recording.path):
             raise EndoctError(f"{recording.path} is not the recording that the panorama was made from, or was changed")
 
+    def _advance(self, share: float) -> None:
+        self.share = share
+
     def _survey(self) -> None:
         recording = self.recording
         try:
@@ -166,7 +144,7 @@ class Reader:
                 self._manifest, stream = open_recording(
                     recording.path, modality=recording.modality, overrides=recording.acquisition
                 )
-                self._stream = _Counted(stream)
+                self._stream = Watched(stream, self._advance)
                 implementation = self._manifest.load()
                 parameters = implementation.parameters(**recording.parameters)
                 self._calibration = implementation.survey(self._stream, parameters)

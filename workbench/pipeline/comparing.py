@@ -230,7 +230,7 @@ class ComparisonFolder:
     def draw(self, placed: Placed) -> None:
         """Begin the figures of both sides as they were ``placed``, while scores are computed."""
         panoramas = [side.panorama for side in self.sides]
-        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.alignment is not None)
+        both = both_sides(placed.grid, placed.sides, panoramas, {}, aligned=placed.outcome.alignment is not None)
         self.figures.extend(begin_both(both, self.scheduler, with_sides=False))
 
     def write(self, comparison: Comparison, against: Against) -> Mapping[str, tuple[str, ...]]:

@@ -33,11 +33,9 @@ Made = TypeVar("Made")
 def simulate(request: SimulateRequest) -> None:
     """Simulate a specimen: both recordings of one bore, with truth, in the folder ``output``.
 
-    Arguments are those of :class:`~endoct.workbench.requests.SimulateRequest`. ``vary`` says what parameters are drawn
-    from, "part.name" → (low, high) or words, where not by the preset. ``bone`` is a CT or a segmentation of one to
-    drill into, from ``entry_mm`` to ``target_mm`` (:func:`endoct.synthetic.bone.patient.stated_volume`). Raises
-    :class:`EndoctError` for an unknown parameter, an impossible range, or a bone that cannot be drilled so. So it does
-    where ``output`` exists and ``overwrite`` is not set.
+    Arguments are those of :class:`~endoct.workbench.requests.SimulateRequest`; ``vary`` is a mapping, "part.name" →
+    (low, high) or words. Raises :class:`EndoctError` for an unknown parameter, an impossible range, or a bone that
+    cannot be drilled so. So it does where ``output`` exists and ``overwrite`` is not set.
 
     >>> from endoct.workbench import simulate
     >>> simulate("specimen", preset="learning", seed=7, vary={"oct.wall_db": (12.0, 14.0)})

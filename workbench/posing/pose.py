@@ -31,13 +31,8 @@ VOXEL_MM = 0.3
 def pose(request: PoseRequest) -> "PoseResult":
     """Find where a bore lies in the patient's ``ct``, by one side or two, near its plan.
 
-    Arguments are those of :class:`~endoct.workbench.requests.PoseRequest`. ``sides`` are panoramas at hand, or paths of
-    recordings, panoramas or sides of comparisons ("DIR:SIDE"). The plan goes from ``entry_mm`` to ``target_mm``, whose
-    ``coordinates`` are what the file of the CT says unless stated. Or it is the line in ``plan``, a markups file of 3D
-    Slicer. ``labels`` is a segmentation in the world of the CT, with the structures that the bore has to miss.
-    ``label_names`` is a table of their names where it has none itself, or "endoct" for those that :func:`simulate`
-    gives. Everything that `endoct pose` promises is written to the folder ``output`` where one is given.
-    ``modality_a``, ``settings_a`` and so on are those of :func:`compare`; ``device``: where to compute.
+    Arguments are those of :class:`~endoct.workbench.requests.PoseRequest`; ``sides`` may be panoramas at hand, too.
+    Everything that `endoct pose` promises is written to the folder ``output`` where one is given.
 
     Where it cannot be told where the bore lies, the result's ``pose`` is None and ``answer.reason`` says why. Raises
     :class:`EndoctError` where something cannot be used, or ``output`` exists and ``overwrite`` is

@@ -25,7 +25,7 @@ from endoct.modalities.oct.spectra.vectors import read_vector, vector_of
 from endoct.modalities.reading.format import Files
 from endoct.modalities.reading.recording import ImageStack, files_of
 from endoct.modalities.reading.remarks import Remarks
-from endoct.modalities.reading.thorlabs import THORLABS, open_recording, read_ascans
+from endoct.modalities.reading.thorlabs import THORLABS, open_scan, read_ascans
 from endoct.modalities.reading.thorlabs_file import AScans, BScan, Container
 
 if TYPE_CHECKING:
@@ -186,7 +186,7 @@ def open_thorlabs(path: Path, files: Files, keys: SpectraKeys, device: str | Non
 
     Raises :class:`EndoctError` where ``keys`` state something else than the files hold, or a vector is missing.
     """
-    recording = open_recording(files)
+    recording = open_scan(files)
     first = recording.first
     if first.kind != "raw" or keys.samples != first.n_samples or not keys.ascans or keys.ascans > first.n_ascans:
         found = f"{first.n_ascans} A-scans of {first.n_samples} samples" if first.kind == "raw" else "B-scans"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray
 
 from endoct.base.errors import EndoctError
 from endoct.base.zarr.zarr_store import Named, write_arrays
@@ -45,6 +46,15 @@ def test_a_comparison_survives_the_disk(store: Path) -> None:
     assert (found.names, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
     assert found.cells == (CELL, OTHER)
     assert found.grid == GRID
+
+
+def test_python_gives_what_xarray_reads(store: Path) -> None:
+    of_python, of_disk = comparison().to_xarray(), xarray.open_zarr(store, consolidated=False)
+    assert set(of_python) == {"intensity", "depth_mm", "mask", "valid"}
+    for name in (*of_python, "side", "z", "theta"):
+        assert of_python[name].dims == of_disk[name].dims
+        assert of_python[name].equals(of_disk[name].astype(of_python[name].dtype)), name
+    assert of_python.attrs["radius_mm"] == of_disk.attrs["radius_mm"]
 
 
 @pytest.mark.parametrize("name", ["intensity", "depth_mm", "mask", "valid", "cells", "side"])

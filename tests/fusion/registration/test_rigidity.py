@@ -8,13 +8,13 @@ from bore_pairs import Pair, make_pair, panorama
 
 from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.geometry.placement import IN_PLACE
-from endoct.fusion.registration.rigidity import NEAR, STEP_MM, Part, fit_part, part_of, parts_out_of_place
+from endoct.fusion.registration.rigidity import NEAR, STEP_MM, LoosePart, fit_part, part_of, parts_out_of_place
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM, TURN_RAD = 45, 0.2, 0.3
 
 
-def out_of_place(pair: Pair, b: Panorama | None = None) -> tuple[Part, ...]:
+def out_of_place(pair: Pair, b: Panorama | None = None) -> tuple[LoosePart, ...]:
     return parts_out_of_place(prepare(pair.a), prepare(b or pair.b), pair.truth)
 
 

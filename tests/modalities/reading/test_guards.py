@@ -23,7 +23,7 @@ from endoct.modalities.reading import video_index
 from endoct.modalities.reading.images import read_single
 from endoct.modalities.reading.numbering import positions_along
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.reading.thorlabs import open_recording
+from endoct.modalities.reading.thorlabs import open_scan
 from endoct.modalities.reading.video_container import opened_video
 from tests.modalities.thorlabs_writer import Oct, raw_file
 
@@ -375,6 +375,6 @@ def test_archives_of_thorlabs_that_cannot_be_are_refused(tmp_path: Path) -> None
     assert "holds raw spectra and no chirp" in refusal(raw_file(spectra, None).write(tmp_path / "a.oct"), stated_by)
     raw_file(spectra[:1], np.arange(96.0), timestamp=1).write(tmp_path / "a.oct")
     raw_file(spectra[:1], np.arange(96.0) + 0.5, timestamp=2).write(tmp_path / "b.oct")
-    remarks = open_recording((tmp_path / "a.oct", tmp_path / "b.oct")).remarks
+    remarks = open_scan((tmp_path / "a.oct", tmp_path / "b.oct")).remarks
     assert "stops-differ" in [doubt.code for doubt in remarks.doubts]
     assert stated_by(tmp_path).keys["modality"] == "oct"

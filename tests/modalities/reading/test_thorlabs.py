@@ -15,7 +15,7 @@ import pytest
 
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.reading.thorlabs import open_recording, read_ascans
+from endoct.modalities.reading.thorlabs import open_scan, read_ascans
 from tests.modalities.thorlabs_writer import Oct, raw_file, with_vectors
 
 RNG = np.random.default_rng(0)
@@ -38,7 +38,7 @@ def frames(stack: ImageStack) -> np.ndarray:
 
 def spectra_of(path: Path) -> np.ndarray:
     """The spectra (B-scan, A-scan, sample) where the reader found them."""
-    first = open_recording((path,)).first
+    first = open_scan((path,)).first
     return np.stack([read_ascans(each.ascans, first.n_samples, first.dtype) for each in first.bscans])
 
 
@@ -50,7 +50,7 @@ def refused(path: Path) -> str:
 
 
 def codes(path: Path) -> list[str]:
-    return [doubt.code for doubt in open_recording((path,)).remarks.doubts]
+    return [doubt.code for doubt in open_scan((path,)).remarks.doubts]
 
 
 @pytest.mark.parametrize("compression", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
@@ -208,7 +208,7 @@ def test_the_type_is_what_the_header_says(sign: bool, tmp_path: Path) -> None:
 
 
 def apodised_by(path: Path) -> list[np.ndarray | None]:
-    first = open_recording((path,)).first
+    first = open_scan((path,)).first
     return [
         None if each.apodised is None else read_ascans(each.apodised, first.n_samples, first.dtype)
         for each in first.bscans
@@ -272,11 +272,11 @@ def test_repeats_of_a_place_are_said_also_where_the_header_hides_them(tmp_path: 
     path = said.write(tmp_path / "said.oct")
     np.testing.assert_array_equal(spectra_of(path), twice[::2])
     assert codes(path) == []
-    assert any("2 B-scans at every place" in note for note in open_recording((path,)).remarks.notes)
+    assert any("2 B-scans at every place" in note for note in open_scan((path,)).remarks.notes)
     said.averaged = {}
     path = said.write(tmp_path / "hidden.oct")
     np.testing.assert_array_equal(spectra_of(path), twice[::2])
-    (doubt,) = open_recording((path,)).remarks.doubts
+    (doubt,) = open_scan((path,)).remarks.doubts
     assert (doubt.code, doubt.value, doubt.expected) == ("thorlabs-averaging", 2.0, 1.0)
 
 
@@ -286,7 +286,7 @@ def test_a_negative_width_says_that_all_bscans_are_of_one_place(raw: bool, tmp_p
         sizes = {"range_mm": (0.64, 10.0, width_mm)}
         made = raw_file(SPECTRA, CHIRP, averaged={"SlowAxis": 1}, **sizes) if raw else intensity(**sizes)
         path = made.write(tmp_path / "scan.oct")
-        recording = open_recording((path,))
+        recording = open_scan((path,))
         assert len(recording.bscans) == read
         assert recording.first.n_ascans == ASCANS
         assert any("Of 5 B-scans at every place" in note for note in recording.remarks.notes) == (read == 1)
@@ -345,7 +345,7 @@ def test_what_need_not_be_there(tmp_path: Path) -> None:
     path = made.write(tmp_path / "scan.oct", header=header)
     np.testing.assert_array_equal(spectra_of(path), SPECTRA)
     assert "electrons_per_count" not in stated_by(path).keys["spectra"]
-    assert any("how many electrons a count is" in note for note in open_recording((path,)).remarks.notes)
+    assert any("how many electrons a count is" in note for note in open_scan((path,)).remarks.notes)
 
 
 def test_a_sign_is_not_guessed(tmp_path: Path) -> None:

@@ -246,3 +246,12 @@ def test_the_rim_out_of_focus_is_blurred_more() -> None:
     assert sharpness[1] > 2 * sharpness[0]
     swapped = sample_of(defocus_px=0.6, defocus_slope_px=3.0, focus_at_outer=False)
     assert np.abs(noise_free(swapped, wall_of(), lighting, 0).astype(float) - image).max() > 20
+
+
+@pytest.mark.parametrize(("bone", "lined"), [("phantom", False), ("tube", False), ("network", True)])
+def test_only_cells_of_bone_have_a_lining(bone: str, lined: bool) -> None:
+    """Deep places are redder where they are lined: green comes back as 0.70 of red, and as 0.88 where they are not."""
+    sample = sample_of(colour=True, gloss=0.0, ring_gain=0.0, fluid_gloss=0.0, droplets=(), dirt=(), debris=())
+    sample = sample.model_copy(update={"bore": sample.bore.model_copy(update={"bone": bone})})
+    _, light_of = seen_light(sample, wall_of(0.3))
+    assert np.median(light_of[:, 1] / light_of[:, 0]) == pytest.approx(0.70 if lined else 0.88, abs=0.001)

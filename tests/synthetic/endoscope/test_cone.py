@@ -14,7 +14,7 @@ from endoct.base.errors import EndoctError
 from endoct.synthetic.bone.wall import Wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import PixelMaps, pixel_maps
-from endoct.synthetic.endoscope.cone import Cone, band_centre_mm, cone_of, focal_length_px
+from endoct.synthetic.endoscope.cone import Cone, FrameView, band_centre_mm, cone_of, focal_length_px
 from endoct.synthetic.sample.parameters import Endoscope, Sample
 
 RADIUS_MM, APEX_MM, N_THETA, DZ_MM = 1.25, 2.0, 720, 0.01
@@ -219,3 +219,14 @@ def test_a_ray_ends_on_the_first_bone_it_meets() -> None:
     assert np.mean(miss < 2 * RAY_MM) > 0.95
     far = np.abs(seen.z_mm.ravel()[chosen] - along[first, np.arange(chosen.size)]) > DZ_MM
     assert far.mean() < 0.02, "rays that cut a corner thinner than a step"
+
+
+def test_a_view_is_that_of_its_frame() -> None:
+    camera = draw("learning", 3).endoscope
+    views = [FrameView.of(camera, k, RADIUS_MM) for k in (0, 2)]
+    for k, view in zip((0, 2), views, strict=True):
+        assert (view.centre_px, view.roll_rad) == (camera.centre_px[k], camera.roll_rad[k])
+        assert (view.offset_mm, view.middle_mm) == (camera.offset_mm[k], camera.z_mm[k])
+        assert view.apex_mm + band_centre_mm(camera, RADIUS_MM) == pytest.approx(camera.z_mm[k])
+    for name in ("centre_px", "roll_rad", "offset_mm", "middle_mm"):
+        assert getattr(views[0], name) != getattr(views[1], name)
