@@ -23,7 +23,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import largest_cell_share, remedies
-from endoct.fusion.registration.rigidity import Part
+from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import AxialScale, Panorama
@@ -188,13 +188,13 @@ WELL = 0.9, 0.1
 @pytest.mark.parametrize(
     ("part", "said"),
     [
-        (Part("band", 1.25, 2.5, 0.3, -0.4, WELL), "z = 1.2 and 2.5 mm it fits best +0.30 mm along and -0.40 mm"),
-        (Part("sector", 1.0, 2.0, 0.0, 0.2, WELL), "between θ = 57° and 115° it fits best +0.00 mm along"),
-        (Part("turn", 1.0, 2.0, 0.0, 0.2, WELL), "from where other directions do"),
+        (LoosePart("band", 1.25, 2.5, 0.3, -0.4, WELL), "z = 1.2 and 2.5 mm it fits best +0.30 mm along and -0.40 mm"),
+        (LoosePart("sector", 1.0, 2.0, 0.0, 0.2, WELL), "between θ = 57° and 115° it fits best +0.00 mm along"),
+        (LoosePart("turn", 1.0, 2.0, 0.0, 0.2, WELL), "from where other directions do"),
     ],
 )
-def test_the_worst_of_parts_out_of_place_is_told(part: Part, said: str) -> None:
-    (doubt,) = outside(doubts_of_parts([part, Part("band", 0.0, 1.0, 0.2, 0.0, WELL)], "oct"))
+def test_the_worst_of_parts_out_of_place_is_told(part: LoosePart, said: str) -> None:
+    (doubt,) = outside(doubts_of_parts([part, LoosePart("band", 0.0, 1.0, 0.2, 0.0, WELL)], "oct"))
     assert said in doubt.what
     assert (doubt.side, doubt.expected) == ("oct", (0.0, 0.1 if part.kind == "turn" else 0.16))
     assert doubt.value == pytest.approx(0.5 if part.kind == "band" else 0.2)

@@ -19,7 +19,8 @@ print(child.pid, flush=True)
 time.sleep(600)
 """
 BEGINNER = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background commands ignore it
 from endoct.base.compute.process_group import process_group
 with process_group([sys.executable, "-c", sys.argv[1]], stdout=sys.stdout.fileno()) as process:
     process.wait()
