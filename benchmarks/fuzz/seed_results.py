@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from benchmarks.fuzz.seed_drawings import pictures
-from benchmarks.fuzz.trees import Seed, read_tree
+from benchmarks.fuzz.trees import Seed, Special, read_tree
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.masks import DRAWN_STORE, mask_on, save_drawings
@@ -214,9 +214,10 @@ def summary_seeds() -> Iterator[Seed]:
 
 
 def result_seeds() -> Iterator[Seed]:
-    """Yield comparison folders of which only ``result.json`` is there."""
+    """Yield comparison folders of which only ``result.json`` is there, and the folder that they are known by."""
     for aligned in (True, False):
-        yield Seed(f"result, {aligned}", "", {"result.json": comparison_files(aligned=aligned)["result.json"]})
+        files = {"result.json": comparison_files(aligned=aligned)["result.json"], "comparison.zarr": Special("folder")}
+        yield Seed(f"result, {aligned}", "", files)
 
 
 def session_seeds() -> Iterator[Seed]:
