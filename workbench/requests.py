@@ -431,7 +431,7 @@ class BenchRequest:
 
     task: Positional[str]
     conditions: Positional[Conditions] = ()
-    output: Annotated[Output | None, UNSET] = None
+    output: Annotated[AnyPath | None, arg(aliases=["-o"]), UNSET] = None
     _: KW_ONLY
     methods: Names = ""
     seeds: str = "1000-1009"

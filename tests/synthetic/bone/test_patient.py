@@ -247,7 +247,7 @@ def test_volumes_that_are_none_are_refused(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="no DICOM"):
         stated(tmp_path)
     (tmp_path / "text.nrrd").write_text("no volume")
-    with pytest.raises(EndoctError, match="cannot be read"):
+    with pytest.raises(EndoctError, match="is no volume"):
         stated(tmp_path / "text.nrrd")
     (tmp_path / "page.png").write_bytes(b"")
     with pytest.raises(EndoctError, match="is no volume"):
