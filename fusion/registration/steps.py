@@ -18,8 +18,8 @@ LEAST_STEP_MM = 0.12
 """Smaller steps are not looked for. In sound recordings steps up to 0.17 mm explain little."""
 MOST_LEFT = 0.52
 """Two lines leave less than this of what one line leaves. They left 0.60 and more of 10 sound recordings (presets
-`quick`, `hard` and `paper`, seeds 7000 on), and 0.39 to 0.51 of a bore of 31 mm with a slice lost, at each of three
-places. The scale takes most of a step in a bore of 8 mm."""
+`quick`, `hard` and `paper`, seeds 7000 on). Of a bore of 31 mm with a slice lost at one of three places they left 0.39
+to 0.51, and two were found. The scale takes most of a step in a bore of 8 mm."""
 FEWEST_BANDS = 12
 """Number of bands, four to the millimetre, on either side of a step. With 4, 7 of 30 sound recordings with few cells
 were doubted (benchmarks/independent, few, sparse and sound, seeds 9200-9209); with 12, none."""
