@@ -31,6 +31,8 @@ from endoct.fusion.comparison import (
 )
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.registration.rigidity import LoosePart
+from endoct.fusion.registration.steps import Step
 from endoct.fusion.result import ByHand
 from endoct.fusion.scoring.overlap import BOTH
 from endoct.fusion.segmentation.side_cells import segment_side
@@ -323,3 +325,16 @@ def test_a_side_nothing_of_which_is_valid(pair: Pair, panorama_of: Callable) -> 
     blind = panorama_of(np.ones((20, 64)), dz_mm=0.1, valid=np.zeros((20, 64), np.bool_))
     with pytest.raises(EndoctError, match="nothing of the wall is valid"):
         compare_panoramas(pair.a, blind)
+
+
+@pytest.mark.parametrize("loose", [True, False])
+def test_a_step_is_looked_for_where_no_part_is_out_of_place(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch, loose: bool
+) -> None:
+    """What is out of place follows two lines by chance."""
+    part = LoosePart("band", 1.0, 2.5, 0.5, 0.0, (0.8, 0.1))
+    monkeypatch.setattr(comparison, "parts_out_of_place", lambda *_: (part,) * loose)
+    monkeypatch.setattr(comparison, "step_along", lambda *_: Step(3.0, 0.2))
+    codes = [doubt.code for doubt in compare_panoramas(pair.a, pair.b, COARSE).result.doubts]
+    assert ("parts-out-of-place" in codes) == loose
+    assert ("step-along-the-bore" in codes) == (not loose)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.registration.rigidity import N_THETA, STEP_MM, _correlations, fit_part, part_of
@@ -55,3 +56,19 @@ def test_a_part_of_which_nothing_was_observed_fits_nowhere():
     a = evidence(3)
     nothing = part_of(a, np.zeros((ROWS, N_THETA), np.bool_))
     assert fit_part(a, nothing, 0.2, 0.1).correlation == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("between", [0.3, -0.3])
+def test_a_smooth_band_is_placed_along_between_rows(between: float):
+    """Of a smooth pattern, moved by two rows and a part of one, and by four columns around, over the seam."""
+    z_px, around = np.arange(ROWS)[:, None], 2 * np.pi / N_THETA * np.arange(N_THETA)
+
+    def pattern(moved_px: float, columns: int) -> Evidence:
+        z, theta = z_px - moved_px, around - 2 * np.pi / N_THETA * columns
+        values = np.exp(-0.5 * ((z - 11) / 3) ** 2) * np.cos(3 * theta) + 0.5 * np.sin(0.4 * z + 2 * theta)
+        return replace(a, values=values.astype(np.float32), valid=np.ones(a.valid.shape, np.bool_))
+
+    a = evidence(2)
+    fit = fit_part(pattern(2 + between, 4), band_of(pattern(0, 0)), 6 * STEP_MM, 8 * 2 * np.pi / N_THETA)
+    assert fit.along_mm == 2 * STEP_MM
+    assert abs(fit.between_mm - between * STEP_MM) < 0.06 * STEP_MM

@@ -10,7 +10,9 @@ from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import doubts_of_step
 from endoct.fusion.evidence.evidence import prepare
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.registration.steps import FEWEST_BANDS, LEAST_STEP_MM, Step, best_step, step_along
+from endoct.fusion.registration import steps
+from endoct.fusion.registration.rigidity import FittedPart, PartFit
+from endoct.fusion.registration.steps import BANDS, FEWEST_BANDS, LEAST_STEP_MM, Step, best_step, step_along
 
 Z_MM = np.arange(0.5, 20, 0.25)
 NOISE_MM = np.random.default_rng(3).normal(0, 0.02, Z_MM.size)
@@ -81,3 +83,26 @@ def test_the_doubt_says_where_and_why(along_mm: float, cause: str) -> None:
     assert f"z = 3.1 mm on, the wall of oct fits best {along_mm:+.2f} mm" in doubt.what
     assert f"may be {cause} there" in doubt.what
     assert not list(doubts_of_step(None, "oct"))
+
+
+def test_only_bands_that_are_sure_count_each_to_a_fraction_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    z_mm = np.arange(0, 20, 0.5)
+    exactly_mm = np.where(z_mm < 10, 0.03, 0.23)
+    sure = [
+        FittedPart("band", z - 0.4, z + 0.4, PartFit(0.1, 0.0, (BANDS.clear, -1.0), exact - 0.1))
+        for z, exact in zip(z_mm, exactly_mm, strict=True)
+    ]
+    unsure = [FittedPart("band", 3.0, 3.8, PartFit(4.0, 0.0, (BANDS.clear - 1e-9, 1.0)))] * 50
+    monkeypatch.setattr(steps, "bands", lambda *_: [*sure, *unsure])
+    found = step_along(prepare(make_pair().a), prepare(make_pair().b), make_pair().truth)
+    assert found is not None
+    assert found.along_mm == pytest.approx(0.2)
+    assert found.at_mm == pytest.approx(9.75)
+
+
+@pytest.mark.parametrize(("noisy", "found"), [(1.1, True), (1.3, False)])
+def test_a_step_must_explain_half_of_what_is_left(noisy: float, found: bool) -> None:
+    """Two lines leave 0.50 and 0.57 of what one line leaves."""
+    z_mm = np.arange(0.5, 20, 0.25)
+    along_mm = np.where(z_mm < 10, 0.0, 0.2) + noisy * np.where(np.arange(z_mm.size) % 2, 0.02, -0.02)
+    assert (best_step(z_mm, along_mm) is not None) == found
