@@ -17,6 +17,7 @@ from endoct.base.files.contents import kind_of
 from endoct.base.files.files import exists
 from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
+from endoct.fusion.files.store import COMPARISON_STORE
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
@@ -25,9 +26,7 @@ from endoct.stitching.store import is_panorama
 from endoct.workbench.running.outputs import COMPARISON, DATA_SET, DATA_SET_FILE, PANORAMA, POSE, SPECIMEN
 
 RECORDING, VOLUME, PLAN, MASK = "recording", "volume", "plan", "mask"
-COMPARISON_STORE = "comparison.zarr"
 SAMPLE = Path("truth", "sample.json")
-POSE_FILE = "pose.json"
 DEEPEST = 5
 """So many folders below the one that is looked through anything is looked for."""
 MOST_FOLDERS = 50_000
@@ -115,13 +114,13 @@ KINDS: dict[str, Kind] = {
         Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
         Kind(
             POSE,
-            lambda path: (path / POSE_FILE).is_file() and kind_of(path) == POSE,
+            lambda path: kind_of(path) == POSE,
             loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
         ),
         Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
         Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
         Kind(MASK, is_mask),
-        Kind(RECORDING, lambda _: True, title="recording"),
+        Kind(RECORDING, lambda _: True),
     )
 }
 """All kinds by name, in the order in which a path is asked for them. What is none of them may be a recording."""
@@ -150,7 +149,8 @@ def kind_at(path: Path) -> str:
     if (output := output_at(path)) is not None:
         return output
     is_described = exists(sidecar_path(path))
-    return next(name for name in INPUTS if name == RECORDING or (not is_described and KINDS[name].is_at(path)))
+    asked = (MASK, RECORDING) if is_described else INPUTS  # outlines are drawn, whatever lies beside them
+    return next(name for name in asked if KINDS[name].is_at(path))
 
 
 def reader(named: str) -> Callable[..., Any]:
@@ -185,7 +185,7 @@ def places_in(folder: Path) -> Iterator[Place]:
         here, depth = below.pop()
         try:
             output = output_at(here)
-        except EndoctError:  # the list of an output that cannot be read says nothing
+        except (EndoctError, OSError):  # a list that is damaged, or a folder that is somebody else's, says nothing
             output = None
         place = Place(here, output, *_listed(here))
         yield place

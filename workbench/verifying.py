@@ -79,7 +79,7 @@ def verify(request: VerifyRequest) -> list[Verdict]:
     if has_mark(path):
         altered = () if is_whole(path) else (path.name,)
         return [Verdict(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
-    outputs = [path] if _is_output(path) else [one for one in _folders(path) if output_at(one) is not None]
+    outputs = [path] if _is_output(path) else [one for one in _folders(path) if output_at(one) or _looks_like_one(one)]
     if not outputs and _is_unit(path):
         return [_unit_verdict(path, _record(path))]
     if not outputs:
@@ -183,6 +183,11 @@ def _is_shard(place: Path, record: Record) -> bool:
 
 def _is_output(path: Path) -> bool:
     return path.is_dir() and (read_contents(path) is not None or (path / DATA_SET_FILE).is_file())
+
+
+def _looks_like_one(path: Path) -> bool:
+    """Say whether a folder has what a comparison, a store or a specimen has: one that lost its list still counts."""
+    return any((path / name).exists() for name in ("result.json", "zarr.json", "truth"))
 
 
 def _folders(path: Path) -> Iterator[Path]:

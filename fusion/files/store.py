@@ -31,6 +31,8 @@ from endoct.stitching.store import stored_grid
 
 FORMAT = "endoct-comparison-1"
 PROPERTIES = tuple(field.name for field in fields(Cell))
+COMPARISON_STORE = "comparison.zarr"
+"""The store in the folder of a comparison."""
 _KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}
 _SIDES = ("side", "depth_of", "seen_by")
 """Properties that name a side. A number stands for it: its place among the sides, and 2 for "both"."""
@@ -144,7 +146,7 @@ def load_comparison(path: Path) -> Comparison:
 
 def load_compared(folder: Path) -> Comparison:
     """Return what `endoct compare` wrote to ``folder``. Raises :class:`EndoctError` as :func:`load_comparison` does."""
-    return load_comparison(folder / "comparison.zarr")
+    return load_comparison(folder / COMPARISON_STORE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,3 +183,23 @@ def test_a_list_that_cannot_be_read_stops_no_walk(tmp_path: Path) -> None:
     assert [place.output for place in places_in(tmp_path)] == [None]
     with pytest.raises(EndoctError, match="is damaged"):
         output_at(tmp_path)
+
+
+def test_a_folder_that_is_somebody_elses_stops_no_walk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("locked", "open"):
+        (tmp_path / name).mkdir()
+
+    def asked(path: Path) -> str | None:
+        if path.name == "locked":
+            raise PermissionError(13, "Permission denied")
+        return None
+
+    monkeypatch.setattr(kinds, "output_at", asked)
+    assert [place.path.name for place in places_in(tmp_path)] == [tmp_path.name, "locked", "open"]
+
+
+def test_outlines_are_drawn_whatever_lies_beside_them(tmp_path: Path) -> None:
+    (tmp_path / "acquisition.toml").write_text('modality = "oct"\n')
+    (tmp_path / "cells.csv").write_text("theta_deg,z_mm\n")
+    assert kind_at(tmp_path / "cells.csv") == kinds.MASK
+    assert kind_at(tmp_path) == kinds.RECORDING

@@ -167,3 +167,13 @@ def test_what_is_no_output_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out" / NAME).write_text('{"format": "endoct-output-1"}')
     with pytest.raises(EndoctError, match="is damaged"):
         verify(tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["result.json", "zarr.json", "truth"])
+def test_what_lost_its_list_and_its_mark_is_not_passed_over(tmp_path: Path, name: str) -> None:
+    """A comparison without its store, a panorama whose metadata are damaged, a specimen without its sample."""
+    (tmp_path / "output").mkdir()
+    (tmp_path / "output" / name).write_text("damaged")
+    (verdict,) = verify(tmp_path)
+    assert not verdict.intact
+    assert verdict.kind == "output without its list"

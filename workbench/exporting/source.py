@@ -15,13 +15,14 @@ from endoct.base.files.json_values import number
 from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache, StoredImage, stored_image
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
+from endoct.fusion.files.store import COMPARISON_STORE
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.exporting.image_layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
-from endoct.workbench.kinds import COMPARISON_STORE, is_comparison
+from endoct.workbench.kinds import is_comparison
 
 Kind = Literal["panorama", "comparison", "truth"]
 TRUTH = "truth"
@@ -73,9 +74,10 @@ def open_for_export(path: Path) -> Source:
     """
     if is_panorama(path):
         return _panorama(path)
-    for folder in (path, path.parent):
-        if is_comparison(folder) and (folder == path or path.name == COMPARISON_STORE):
-            return _comparison(path, folder)
+    if is_comparison(path):
+        return _comparison(path, path)
+    if path.name == COMPARISON_STORE and path.is_dir():
+        return _comparison(path, path.parent)
     for folder in (path / "truth", path, path.parent):
         if (folder / "wall.zarr").is_dir() and (folder == path.parent) == (path.name == "wall.zarr"):
             return _truth(path, folder / "wall.zarr")

@@ -29,7 +29,7 @@ from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.outlines import fill
 from endoct.fusion.files.session import MASKS
-from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.modalities.acquisition import MOST_PLACE_MM
@@ -139,7 +139,7 @@ class DrawnMasks:
     def _cells(self, side: str, grid: SurfaceGrid) -> Mask:
         """Return the cells of a side on its own samples: those of the nearest sample of the common grid."""
         common, where = self.outline.grid, self._where(side) or IN_PLACE
-        stored = read_arrays(self.origin.folder / "comparison.zarr", ("mask",))["mask"][self.outline.names.index(side)]
+        stored = read_arrays(self.origin.folder / COMPARISON_STORE, ("mask",))["mask"][self.outline.names.index(side)]
         rows_mm = where.z_to_a(grid.z_mm)
         rows = np.rint(np.interp(rows_mm, common.z_mm, np.arange(common.n_z))).astype(np.intp)
         is_covered = (rows_mm >= common.z_mm[0] - common.dz_mm / 2) & (rows_mm <= common.z_mm[-1] + common.dz_mm / 2)

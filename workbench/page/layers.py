@@ -22,7 +22,7 @@ from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.window import ChunkCache, stored_image
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
-from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.fusion.sides import COLOURS
@@ -186,7 +186,7 @@ def comparison_layers(
     folder: Path, outline: ComparisonOutline, sides: Sequence[PanoramaOutline], wall: TileWall, cache: ChunkCache
 ) -> Iterator[Described]:
     """Yield the layers of a comparison of ``sides``: images on their own samples, cells on the common grid."""
-    common = folder / "comparison.zarr"
+    common = folder / COMPARISON_STORE
     masks = [_plane(common, "mask", (k,), placing_of(outline.grid), wall, cache) for k in (0, 1)]
     images = [list(_images(folder, outline, sides[k], k, wall, cache)) for k in (0, 1)]
     both = [plane for of_side in images for _, plane in of_side]
@@ -232,7 +232,7 @@ def _images(
     # where every row of B was turned by itself, only the common grid shows where it was put
     is_rigid = k == 0 or outline.result.twist is None
     placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)
-    store, index = (own, ()) if is_rigid else (folder / "comparison.zarr", (k,))
+    store, index = (own, ()) if is_rigid else (folder / COMPARISON_STORE, (k,))
     images = ["intensity"] * (panorama.modality != MASK_MODALITY) + _depths(panorama)
     for name in images:
         if name == PARALLAX_DEPTH and not is_rigid:

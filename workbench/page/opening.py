@@ -16,12 +16,12 @@ from endoct.base.numeric.regions import label_in_order
 from endoct.base.zarr.window import ChunkCache
 from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
-from endoct.fusion.files.store import ComparisonOutline
+from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
 from endoct.fusion.scoring.cells import OBSERVED, Cell
 from endoct.stitching.store import PanoramaOutline
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.workbench.kinds import COMPARISON_STORE, reader, row_at
+from endoct.workbench.kinds import reader, row_at
 from endoct.workbench.page.description import CellPart, CellState, Description, OutlinePart, WallPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading

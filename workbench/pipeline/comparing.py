@@ -16,7 +16,7 @@ from endoct.base.files.files import check_unchanged, digests, path_text, state_o
 from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
-from endoct.fusion.files.store import save_comparison, write_cells
+from endoct.fusion.files.store import COMPARISON_STORE, save_comparison, write_cells
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
@@ -238,7 +238,7 @@ class ComparisonFolder:
 
         Return by side notes on frames of which there is no picture.
         """
-        save_comparison(comparison, self.path / "comparison.zarr")
+        save_comparison(comparison, self.path / COMPARISON_STORE)
         write_cells(comparison.cells, self.path / "cells.csv")
         if against.consensus is not None:
             write_mask(against.consensus, comparison.grid, self.path / "consensus.png")

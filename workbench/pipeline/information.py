@@ -16,13 +16,14 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import exists, path_text
 from endoct.base.files.output import new_output
 from endoct.fusion.files.result_file import read_result
+from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.contract import FrameStream, Manifest, Preview
 from endoct.modalities.reading.numbering import notes_on_gaps
 from endoct.modalities.reading.remarks import NONE, Remarks, remarks_of
 from endoct.modalities.recognition import Recognised, recognise
 from endoct.modalities.registry import manifests
 from endoct.stitching.store import load_panorama
-from endoct.workbench.kinds import KINDS, RECORDING, kind_at, output_at, reader
+from endoct.workbench.kinds import KINDS, PLAN, RECORDING, VOLUME, output_at, reader
 from endoct.workbench.pipeline.sidecar_template import missing_lines
 from endoct.workbench.pipeline.unread import texts_in, unread_next_to
 from endoct.workbench.running.outputs import THUMBNAIL
@@ -56,8 +57,10 @@ def describe(path: Path, modality: str | None = None) -> dict[str, object]:
 
     Raises :class:`EndoctError` where it is none of them.
     """
-    kind = output_at(path) or (kind_at(path) if modality is None else RECORDING)
-    row = KINDS.get(kind)
+    kind = output_at(path)
+    if kind is None and modality is None and not exists(sidecar_path(path)):
+        kind = next((name for name in (PLAN, VOLUME) if KINDS[name].is_at(path)), None)
+    row = KINDS.get(kind or RECORDING)
     if row is None or not row.described:
         return describe_recording(recognise(path, modality))
     return reader(row.described)(path)  # type: ignore[no-any-return]

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import Comparison, compare_placed, save_comparison
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.files.store import write_cells
+from endoct.fusion.files.store import COMPARISON_STORE, write_cells
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.pose.air import AirAround
@@ -114,7 +114,7 @@ def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comp
 def save_compared(compared: Comparison, prediction: Panorama, side: Side, made: Made, folder: Path) -> None:
     """Write a comparison with the CT as `endoct compare` writes one, for its page, report and exports."""
     folder.mkdir(parents=True)
-    save_comparison(compared, folder / "comparison.zarr")
+    save_comparison(compared, folder / COMPARISON_STORE)
     write_cells(compared.cells, folder / "cells.csv")
     save_panorama(side.panorama, folder / "panoramas" / f"{side.name}.zarr")
     save_panorama(prediction, folder / "panoramas" / f"{MODALITY}.zarr")
