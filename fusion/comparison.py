@@ -95,10 +95,10 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
     placed = _aligned(a, b, parameters, pairs)
     if not parameters.correct_twist or placed.outcome.alignment is None:
         return placed
-    plain = score_placed(placed, parameters)
+    plain = score_sides(placed.sides, placed.grid, placed.samplings, parameters.tolerance_mm).scores
     twist = find_twist(a, b, placed.outcome.alignment)
     turned = _aligned(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters)
-    return replace(turned, twist=(twist, plain.result.jaccard))
+    return replace(turned, twist=(twist, plain.grid.jaccard if plain else None))
 
 
 def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Placed:

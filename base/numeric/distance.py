@@ -26,7 +26,7 @@ def _signed_distance(
     n_z, n_theta = mask.shape
     along = np.empty((n_z, n_theta), np.float32)
     _steps_around(mask, along)
-    squared, lowest, start = np.empty(n_z), np.empty(n_z, np.int64), np.empty(n_z + 1)
+    squared, lowest, start = np.empty(n_z), np.empty(n_z, np.int64), np.empty(n_z)
     for column in range(n_theta):
         for inside in (False, True):
             # of each row, the parabola over the nearest sample of the other kind in it, if it is lowest anywhere
@@ -46,9 +46,9 @@ def _signed_distance(
                 start[n] = meets if n else -np.inf
                 lowest[n] = row
                 n += 1
-            start[n], k = np.inf, 0
+            k = 0
             for row in range(n_z):
-                while start[k + 1] < row:
+                while k + 1 < n and start[k + 1] < row:
                     k += 1
                 if mask[row, column] == inside:
                     away = row - lowest[k]

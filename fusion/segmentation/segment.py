@@ -167,10 +167,10 @@ class Segmentation:
     mask: bool (n_z, n_theta), False where nothing was observed.
     threshold: in ``unit``, of the evidence that ``of`` describes; None where the mask was given.
     polarity: whether cells are dark or bright; None where depth or a mask says what is a cell.
+    by: what found them: threshold and outlines, a learned eye, a method that was chosen by name, or a mask as given.
     polarity_from: how the polarity is known, in words; None where there is none.
     by_depth: how much depth by parallax changed; None where it had no say.
     doubts: why these are not to be trusted as cells.
-    by: what found them: threshold and outlines, a learned eye, a method that was chosen by name, or a mask as given.
     eye_declined: why a learned eye that could have been asked did not find them; None where there was none, or it did.
     """
 
@@ -179,10 +179,10 @@ class Segmentation:
     unit: str
     of: str
     polarity: Polarity | None
+    by: Literal["rules", "eye", "method", "mask"]
     polarity_from: str | None = None
     by_depth: DecidedByDepth | None = None
     doubts: tuple[Doubt, ...] = ()
-    by: Literal["rules", "eye", "method", "mask"] = "rules"
     eye_declined: EyeDeclined | None = None
 
 
@@ -202,7 +202,7 @@ def find_cells(
     p = parameters
     polarity: Polarity | None = None
     if evidence.kind == "mask":
-        return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None, by="mask")
+        return Segmentation(evidence.valid & (evidence.values > 0.5), None, "1", "mask as given", None, "mask")
     li = above_li(evidence, p)
     mask, threshold, smooth = li.mask, li.threshold, li.smooth
     if evidence.kind == "relief":
@@ -229,7 +229,7 @@ def find_cells(
         evidence.valid, smooth, mask, threshold, dark=dark, with_outlines=clear is not None
     )
     doubts = tuple(doubts_of_cells(believability))
-    return Segmentation(mask, threshold, unit, of, polarity, polarity_from, by_depth, doubts)
+    return Segmentation(mask, threshold, unit, of, polarity, "rules", polarity_from, by_depth, doubts)
 
 
 def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
@@ -248,4 +248,4 @@ def cells_by_method(panorama: Panorama, name: str) -> Segmentation:
     what = f"Cells are those of the method '{name}'; endoct does not judge how far to trust them."
     doubts = (Doubt("cells-by-method", what),)
     of = f"cells by the method '{name}'"
-    return Segmentation(mask & panorama.valid, None, "1", of, None, doubts=doubts, by="method")
+    return Segmentation(mask & panorama.valid, None, "1", of, None, "method", doubts=doubts)

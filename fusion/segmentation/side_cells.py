@@ -35,10 +35,10 @@ def segment_sides(
     agreement = None if alignment is None else alignment.correlation
     of_a, of_b = a.evidence, b.evidence
 
-    def segmented(side: Side, other: Evidence, agreement: float | None) -> Segmentation:
+    def segmented(side: Side, other: Evidence, agrees: float | None) -> Segmentation:
         if side.cell_evidence(parameters.segment).knows_cells:
             return segment_side(side, parameters, "dark")
-        return segment_side(side, parameters, *_polarity(side, polarity, other, agreement))
+        return segment_side(side, parameters, *_polarity(side, polarity, other, agrees))
 
     return at_once(
         lambda: segmented(a, of_b, agreement if of_b.knows_cells else None), lambda: segmented(b, of_a, agreement)

@@ -20,6 +20,14 @@ def test_where_there_is_no_outline_it_is_as_far_as_asked() -> None:
     assert (signed_distance(np.zeros((4, 5), np.bool_), (1.0, 1.0), 2.5) == -2.5).all()
 
 
+def test_a_column_of_one_kind_after_one_of_many_cells_keeps_within_its_rows() -> None:
+    """Where each parabola of the column before began is no bound of one that has none."""
+    mask = np.zeros((400, 3), np.bool_)
+    mask[::2, 0] = True
+    assert (signed_distance(mask, (1.0, 100.0), 1.5)[:, 1:] == -1.5).all()
+    assert (signed_distance(~mask, (1.0, 100.0), 1.5)[:, 1:] == 1.5).all()
+
+
 @pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
 @pytest.mark.parametrize("shape", [(1, 7), (5, 1), (40, 64), (3, 200), (90, 8)])
 @pytest.mark.parametrize("sample_mm", [(0.07, 0.031), (0.02, 0.11)])

@@ -142,7 +142,7 @@ ROW = np.arange(20)
 
 def row_of_cells(first: int, last: int, *doubts: Doubt) -> Segmentation:
     """Return cells from sample ``first`` to before ``last`` of 20."""
-    return Segmentation(((first <= ROW) & (last > ROW))[None], 0.5, "1", "its own", "dark", None, None, doubts)
+    return Segmentation(((first <= ROW) & (last > ROW))[None], 0.5, "1", "its own", "dark", "rules", None, None, doubts)
 
 
 @pytest.mark.parametrize(("shared", "stays"), [(10, True), (7, True), (6, False), (0, False)])

@@ -26,7 +26,7 @@ SHARE_DOUBT = Doubt("cells-too-many", "Nearly all is cell.")
 
 def answer(of: str, *doubts: Doubt, least: float = 0.5) -> Segmentation:
     """Return cells where the light is more than ``least``: 96 samples lie evenly between 0.1 and 1."""
-    return Segmentation(least < LIGHT, 0.5, "1", of, "dark", "given", None, doubts)
+    return Segmentation(least < LIGHT, 0.5, "1", of, "dark", "rules", "given", None, doubts)
 
 
 @pytest.mark.parametrize(
