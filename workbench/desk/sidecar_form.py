@@ -300,7 +300,10 @@ def _as_recorded(recognised: Recognised) -> Sequence[Picture]:
     rows, columns = image.shape[:2]
     every = max(1, -(-max(rows, columns) // 1000))
     ends = (0.0, columns - 1.0), (0.0, rows - 1.0)
-    return [Picture("recorded", "as its file holds it", image[::every, ::every], "column", "row", *ends)]
+    # samples along a beam and beams are no lengths of one kind, as a camera's pixels are
+    unit = "" if "depth" in recognised.manifest.provides else " (px)"
+    axes = f"column{unit}", f"row{unit}"
+    return [Picture("recorded", "as its file holds it", image[::every, ::every], *axes, *ends)]
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,10 @@ def test_a_frame_is_drawn_as_the_form_has_it(study: Path):
         (oct_path / "acquisition.toml").unlink()
         bare = previewer.preview(oct_path, "oct", {}, 0.5)
         assert "axial_pixel_mm" in bare["missing"]
-        assert len(bare["pictures"]) == 1
+        assert [picture["x_label"] for picture in bare["pictures"]] == ["column"]  # stretched to be seen
+        (study / "bore-1" / "endoscope" / "acquisition.toml").unlink()
+        frame = previewer.preview(study / "bore-1" / "endoscope", "endoscope", {}, 0.5)["pictures"][0]
+        assert (frame["x_label"], frame["y_label"]) == ("column (px)", "row (px)")  # keeps its shape
     finally:
         previewer.close()
 

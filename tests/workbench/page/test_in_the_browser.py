@@ -77,6 +77,30 @@ def test_the_panes_have_pictures_in_colours(page: Watched):
     assert np.median(np.ptp(relief, axis=2)) > 30  # viridis
 
 
+def test_a_pane_says_what_lies_beyond_its_view(page: Watched):
+    beyond = page.page.locator(".pane .beyond").first
+    assert beyond.inner_text() == ""
+    for _ in range(6):
+        page.page.keyboard.press("+")
+    page.settle()
+    (view,), height = page.panes()[:1], page.page.locator(".view").first.bounding_box()["height"]
+    half_mm = height / 2 * view["mmPerPx"]
+    above, below = (float(mm) for mm in re.findall(r"([\d.]+) mm more", beyond.inner_text()))
+    facts = " ".join(page.page.locator(".facts, .more").all_inner_texts()).replace("−", "-")
+    top_mm, bottom_mm = map(float, re.search(r"z\s*(-?[\d.]+) to ([\d.]+) mm", facts).groups())
+    assert above == pytest.approx(view["zMm"] - half_mm - top_mm, abs=0.07)
+    assert below == pytest.approx(bottom_mm - view["zMm"] - half_mm, abs=0.07)
+
+
+def test_nobody_is_asked_to_stay_where_nothing_was_drawn(page: Watched):
+    page.page.mouse.click(*middle(page))
+    asked = []
+    page.page.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.accept()))
+    page.page.reload()
+    page.page.wait_for_selector(".pane")
+    assert asked == []
+
+
 def test_zooming_one_pane_zooms_the_others_by_mm(page: Watched):
     before = page.panes()
     page.page.mouse.move(*middle(page, 1))

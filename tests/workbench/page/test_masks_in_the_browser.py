@@ -36,6 +36,14 @@ def test_a_mask_is_drawn_undone_and_saved(chromium: Any, tmp_path: Path):
         stroke(-20, -20)
         stroke(-20, 30)
         assert page.locator(".masks small").first.inner_text() == "not saved"
+        asked: list[str] = []
+        page.once("dialog", lambda dialog: (asked.append(dialog.type), dialog.dismiss()))
+        page.evaluate("() => location.reload()")  # what was drawn would be lost
+        for _ in range(50):
+            if asked:
+                break
+            page.wait_for_timeout(20)
+        assert asked == ["beforeunload"]
         page.keyboard.press("Control+z")
         page.keyboard.press("Control+z")
         page.keyboard.press("Control+Shift+z")

@@ -30,7 +30,7 @@ export function openForm(form: Form, given: Values, paths: readonly string[], qu
     return control ? [[field.name, valueOf(field, control)] as const] : [];
   }));
   let waiting = 0;
-  const check = async (): Promise<void> => {
+  const check = async (isNew = false): Promise<void> => {
     try {
       const { command } = await post<{ command: string }>("command", { command: form.command, values: values() });
       line.textContent = command;
@@ -38,7 +38,7 @@ export function openForm(form: Form, given: Values, paths: readonly string[], qu
       run.disabled = false;
     } catch (error) {
       line.textContent = "";
-      fault.textContent = message(error);
+      fault.textContent = isNew ? "" : message(error); // nothing is wrong before anything was typed
       run.disabled = true;
     }
   };
@@ -63,7 +63,7 @@ export function openForm(form: Form, given: Values, paths: readonly string[], qu
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();
-  void check();
+  void check(true);
 }
 
 function row(field: FormField, given: Values[string] | undefined, controls: Map<string, Control>): HTMLElement {

@@ -85,7 +85,7 @@ class RecordingPage {
 
   private row(field: SidecarField): HTMLElement {
     const usual = field.cited || field.stated || field.default;
-    const from = field.cited ? " (from the calibration)" : field.stated ? ` (stated by ${this.sidecar?.stated_by || "the files"})` : "";
+    const from = field.cited ? " (from the calibration)" : field.stated ? ` (stated by ${this.sidecar?.stated_by || "the files"})` : usual && field.kind === "choice" ? " (taken where nothing is said)" : "";
     let control: HTMLInputElement | HTMLSelectElement;
     if (field.kind === "choice") {
       control = element("select", {}, element("option", { value: "" }, usual ? `${usual}${from}` : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));

@@ -39,9 +39,9 @@ class StudyPage {
         element("div", {},
           this.fault,
           element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate),
-            element("table", { class: "inputs" }, head("", "name", "what it is", "size", ""), this.inputs), this.pairs, this.unread),
+            element("table", { class: "inputs" }, head("picture", "name", "what it is", "size", "what to do"), this.inputs), this.pairs, this.unread),
           element("section", { class: "card" }, element("h2", {}, "Results"),
-            element("table", { class: "results" }, head("", "name", "verdict", "Jaccard index", "doubts", "written"), this.results))),
+            element("table", { class: "results" }, head("picture", "name", "verdict", "Jaccard index", "doubts", "written"), this.results))),
         this.queue.element));
     try {
       this.forms = await ask<Record<string, Form>>(`${this.main.dataset["root"] ?? ""}/forms.json`);
@@ -49,8 +49,7 @@ class StudyPage {
       this.fault.textContent = message(error);
     }
     takeDropped(this.main, (said) => (this.said.textContent = said), (fault) => (this.fault.textContent = fault), () => void this.look());
-    await this.follow();
-    await this.showResults();
+    await this.showAll();
   }
 
   /** Look through the folder anew. */
@@ -60,8 +59,13 @@ class StudyPage {
     } catch (error) {
       this.fault.textContent = message(error);
     }
-    await this.follow();
-    await this.showResults();
+    await this.showAll();
+  }
+
+  /** Results are there at once; recordings, as they are found. */
+  private async showAll(): Promise<void> {
+    await Promise.all([this.showResults(), this.follow()]);
+    this.showInputs(); // which pairs are compared is known by now
   }
 
   private async follow(): Promise<void> {
@@ -82,9 +86,12 @@ class StudyPage {
     if (fault) this.fault.textContent = fault;
     this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
     this.unread.replaceChildren(...(looking ? [] : unreadFiles(this.found.unread, "in this folder")));
-    const pairs = this.found.pairs;
+    const { pairs } = this.found;
+    const without = pairs.filter((pair) => !this.isCompared(pair));
+    const some = without.length > 0 && without.length < pairs.length;
+    const what = some ? `compare the ${without.length} of ${pairs.length} pairs without a result` : `compare all ${pairs.length} pairs${without.length ? "" : " again"}`;
     this.pairs.replaceChildren(...(pairs.length > 1 && !looking
-      ? [button(`compare all ${pairs.length} pairs`, "queue a comparison for every folder with one recording each of two instruments", null, () => void this.compareAll())]
+      ? [button(what, "queue a comparison for every folder with one recording each of two instruments", null, () => void this.compareAll(some ? without : pairs))]
       : []));
   }
 
@@ -132,10 +139,16 @@ class StudyPage {
     return { a, b, output: this.free(`results/${flat(pair && at ? at : item.name)}`) };
   }
 
-  private async compareAll(): Promise<void> {
-    for (const [a, b] of this.found.pairs) {
+  /** Whether a pair has a result that can be read, under the name that it gets here. */
+  private isCompared([a]: [string, string]): boolean {
+    const stem = placeOf(a);
+    return this.entries.some((entry) => !entry.fault && entry.name.startsWith(stem) && /^(-\d+)?$/.test(entry.name.slice(stem.length)));
+  }
+
+  private async compareAll(pairs: readonly [string, string][]): Promise<void> {
+    for (const [a, b] of pairs) {
       try {
-        const place = `results/${flat(parentOf(a) || a)}`;
+        const place = placeOf(a);
         if (this.queue.writes(place)) continue; // it is compared already
         const output = this.free(place);
         await post("run", { command: "compare", values: { a, b, output } });
@@ -168,6 +181,7 @@ class StudyPage {
       this.fault.textContent = message(error);
       return;
     }
+    this.showInputs();
     const rows = this.entries.filter((entry) => entry.kind !== "specimen").map(resultRow);
     this.results.replaceChildren(...(rows.length ? rows : [element("tr", {}, element("td", { colspan: "6" }, element("small", {}, "None yet. Unroll a recording, or compare two.")))]));
   }
@@ -192,6 +206,11 @@ function resultRow(entry: Result): HTMLElement {
     element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
     element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
     element("td", {}, entry.written));
+}
+
+/** Where the comparison of a pair is written, whose first recording is `a`. */
+function placeOf(a: string): string {
+  return `results/${flat(parentOf(a) || a)}`;
 }
 
 /** A name without folders, and without the suffix of a single file. */

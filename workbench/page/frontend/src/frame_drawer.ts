@@ -65,6 +65,10 @@ export class FrameDrawer {
     this.element.hidden = false;
     const places = frames.map((one) => [one, this.nearest(one, pinned.z_mm)] as const);
     this.say(places, pinned.z_mm);
+    for (const [one, place] of places) {
+      const isFar = place === null || Math.abs((one.z_mm[place] ?? Infinity) - pinned.z_mm) > spacing(one.z_mm);
+      if (isFar && one.recording && !this.readings.has(one.side)) void this.read(one); // it lies there: show what is asked for
+    }
     const wanted = places.map(([one, place]) => `${one.side} ${place}`).join();
     if (wanted === this.shown) {
       this.draw();

@@ -38,7 +38,8 @@ export class Painting {
   stroke: Place[] = [];
   /** Outlines of what will be saved, as the server has them. */
   lines: readonly (readonly number[])[] = [];
-  private kept: readonly Shape[] = [];
+  /** What was saved last, or was there at first: the same list as ``shapes`` until something is drawn. */
+  private kept: readonly Shape[] = this.shapes;
   private past: (readonly Shape[])[] = [];
   private future: (readonly Shape[])[] = [];
 

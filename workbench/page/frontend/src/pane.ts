@@ -14,6 +14,9 @@ import { LENS_PX, secondOpacity, squares } from "./together";
 import { LayerViewer } from "./viewer";
 import { type Spot, type View, type Wall, degrees } from "./wall";
 
+/** What is cut off by less is no news. */
+const SEEN_MM = 0.1;
+
 export interface PaneEvents {
   readonly painter: Painter;
   moved(pane: Pane, view: View): void;
@@ -28,6 +31,7 @@ export class Pane {
   private readonly marks = element("canvas", { class: "marks", "aria-hidden": "true" });
   private readonly axes = element("canvas", { class: "axes", "aria-hidden": "true" });
   private readonly handle = element("div", { class: "handle" });
+  private readonly beyond = element("div", { class: "beyond" });
   private readonly head = element("header");
   private readonly foot = element("footer");
   private readonly under: LayerViewer;
@@ -49,7 +53,7 @@ export class Pane {
     private readonly events: PaneEvents,
   ) {
     const below = element("div", { class: "layer" });
-    this.view_.append(below, this.handle, this.marks);
+    this.view_.append(below, this.handle, this.marks, this.beyond);
     const plot = element("div", { class: "plot" }, this.axes, this.view_);
     plot.style.padding = `${AXES_PX.top}px 0 0 ${AXES_PX.left}px`;
     this.element.append(this.head, plot, this.foot);
@@ -324,9 +328,18 @@ export class Pane {
     drawMarks(sheet, this.state, this.paths(), this.layers());
     around.translate(AXES_PX.left, AXES_PX.top);
     drawAxes({ ...sheet, drawing: around });
+    this.beyond.textContent = beyond(view, this.wall, height);
     // for whoever drives the page by a program
     this.element.dataset["thetaDeg"] = degrees(view.theta_rad).toFixed(3);
     this.element.dataset["zMm"] = view.z_mm.toFixed(4);
     this.element.dataset["mmPerPx"] = view.mm_per_px.toPrecision(7);
   }
+}
+
+/** How much of the wall lies beyond the view along z, "" where none does. */
+function beyond(view: View, { part }: Wall, height: number): string {
+  const half_mm = (height / 2) * view.mm_per_px;
+  const ends = [["▲", view.z_mm - half_mm - part.top_mm], ["▼", part.bottom_mm - view.z_mm - half_mm]] as const;
+  const said = ends.filter(([, mm]) => mm > SEEN_MM).map(([way, mm]) => `${way} ${mm.toFixed(1)} mm more`);
+  return said.join("  ");
 }
