@@ -56,18 +56,26 @@ def verdict_of(result: Result) -> Verdict:
         return Verdict("doubted", f"{doubts}{'Alignment forced' if result.forced else 'Aligned'}. {agree}", sentences)
     if why := _uncertain(result.overlap):
         return Verdict("uncertain", f"Aligned, but the score is uncertain. {agree}", (why, *sentences))
-    return Verdict("trusted", f"Aligned. {agree}", sentences)
+    return Verdict("trusted", f"Aligned and trusted. {agree}", sentences)
 
 
 def agreement(result: Result) -> str:
-    """Return how far two aligned sides agree: "12 cells agree, of 23 (endoscope) and 27 (oct); Jaccard 0.69 (…)."."""
+    """Return how far two aligned sides agree: "Jaccard 0.69 (0.60–0.79): 3.1 of 4.5 mm² of cells agree, …"."""
     overlap = result.overlap
     if overlap is None or overlap.is_empty:
         return "Neither side has a cell where both observed the wall."
-    counted = _matched_cells(result.scores.cells if result.scores else None, result.sides)
     interval = overlap.jaccard_interval
     between = "interval not known" if interval is None else f"{interval[0]:.2f}–{interval[1]:.2f}"
-    return f"{counted}Jaccard {overlap.jaccard:.2f} ({between})."
+    counted = _matched_cells(result.scores.cells if result.scores else None, result.sides)
+    return f"Jaccard {overlap.jaccard:.2f} ({between}){_agreed_area(overlap)}{counted}."
+
+
+def _agreed_area(overlap: Overlap) -> str:
+    areas_mm2 = overlap.both_mm2, overlap.only_a_mm2, overlap.only_b_mm2
+    if None in areas_mm2:
+        return ""
+    both_mm2, *alone_mm2 = (area_mm2 or 0.0 for area_mm2 in areas_mm2)
+    return f": {both_mm2:.3g} of {both_mm2 + sum(alone_mm2):.3g} mm² of cells agree"
 
 
 def _matched_cells(cells: CellScores | None, sides: tuple[str, str]) -> str:
@@ -75,7 +83,7 @@ def _matched_cells(cells: CellScores | None, sides: tuple[str, str]) -> str:
         return ""
     counts = zip((cells.of_reference, cells.of_other), sides, strict=True)
     of = " and ".join(f"{count} ({side})" for count, side in counts)
-    return f"{cells.matched} cell{'s agree' if cells.matched != 1 else ' agrees'}, of {of}; "
+    return f", {cells.matched} pair{'s' if cells.matched != 1 else ''} of cells among {of} that both sides observed"
 
 
 def _uncertain(overlap: Overlap | None) -> str:

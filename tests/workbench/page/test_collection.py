@@ -70,7 +70,7 @@ def test_the_table_says_how_many_cells_agree_and_how_far_it_is_trusted(tmp_path:
     assert {name: entry.level for name, entry in entries.items()} == {"known": "trusted", "hardly-known": "uncertain"}
     page = str(collection_html("many", tuple(entries.values()), "v"))
     assert page.count("12 <small>of 23 and 27</small>") == 2
-    assert '<span class="level uncertain" title="Aligned, but the score is uncertain. 12 cells agree' in page
+    assert '<span class="level uncertain" title="Aligned, but the score is uncertain. Jaccard 0.69' in page
     assert "confidence" not in page
 
 

@@ -109,7 +109,7 @@ def test_the_headline_says_what_the_result_says(aligned: Made) -> None:
     assert "endoscope and oct, by Li's threshold alone, on the rows of oct 0.457" in page.text
     assert "Aligned with confidence 0.63 (correlation 0.93, 3.1 times the runner-up)" in said
     # the answer comes first, how it came about last; a number is named for what it is
-    assert said.index(f"Aligned. Jaccard {result.jaccard:.2f} (") < said.index("Aligned with confidence")
+    assert said.index(f"Aligned and trusted. Jaccard {result.jaccard:.2f} (") < said.index("Aligned with confidence")
     assert said.index("Aligned with confidence") < said.index("Jaccard index on the common grid")
     assert "turned by 85.94° and shifted by −0.432 mm" in said
     assert "scaled by 1.0123; mirrored in θ." in said

@@ -12,6 +12,8 @@ from endoct.workbench.report.verdict import WIDEST_INTERVAL, placement, recordin
 CELLS = CellScores(reference="endoscope", other="oct", of_reference=23, of_other=27, matched=12)
 NARROW = (0.6, 0.6 + WIDEST_INTERVAL - 0.01)
 
+AREAS = {"both_mm2": 4.14, "only_a_mm2": 1.5, "only_b_mm2": 0.36}
+
 
 def result(interval: tuple[float, float] | None = NARROW, cells: CellScores | None = CELLS, **changed: Any) -> Result:
     alignment = StoredAlignment.of(Alignment(1.5, -0.4321, 1.0, confidence=0.49, correlation=0.9, ratio=3.0))
@@ -21,7 +23,7 @@ def result(interval: tuple[float, float] | None = NARROW, cells: CellScores | No
         alignment=alignment,
         jaccard=0.691,
         dice=0.8,
-        scores=PairScores(grid=Overlap(jaccard=0.691, dice=0.8, jaccard_interval=interval), cells=cells),
+        scores=PairScores(grid=Overlap(jaccard=0.691, dice=0.8, jaccard_interval=interval, **AREAS), cells=cells),
         valid_fraction=0.99,
     )
     return made.model_copy(update=changed)
@@ -30,7 +32,10 @@ def result(interval: tuple[float, float] | None = NARROW, cells: CellScores | No
 def test_the_answer_is_one_sentence_without_confidence() -> None:
     verdict = verdict_of(result())
     assert verdict.level == "trusted"
-    assert verdict.headline == "Aligned. 12 cells agree, of 23 (endoscope) and 27 (oct); Jaccard 0.69 (0.60–0.79)."
+    assert verdict.headline == (
+        "Aligned and trusted. Jaccard 0.69 (0.60–0.79): 4.14 of 6 mm² of cells agree, "
+        "12 pairs of cells among 23 (endoscope) and 27 (oct) that both sides observed."
+    )
     assert any("confidence 0.49" in sentence for sentence in verdict.sentences)
 
 
@@ -38,7 +43,7 @@ def test_the_answer_is_one_sentence_without_confidence() -> None:
 def test_doubts_come_before_praise(doubts: int) -> None:
     verdict = verdict_of(result(doubts=tuple(Doubt("odd", "Odd.") for _ in range(doubts))))
     assert verdict.level == "doubted"
-    assert verdict.headline.startswith("1 doubt. Aligned. 12 cells" if doubts == 1 else "2 doubts. Aligned. 12 cells")
+    assert verdict.headline.startswith(f"{doubts} doubt{'s' if doubts > 1 else ''}. Aligned. Jaccard 0.69")
 
 
 @pytest.mark.parametrize(
@@ -71,7 +76,7 @@ def test_no_cell_is_no_score() -> None:
 
 def test_one_cell_agrees() -> None:
     assert (
-        "1 cell agrees, of 2 (endoscope)"
+        "1 pair of cells among 2 (endoscope)"
         in verdict_of(result(cells=CellScores(of_reference=2, of_other=1, matched=1))).headline
     )
 

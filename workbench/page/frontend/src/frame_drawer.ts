@@ -66,7 +66,8 @@ export class FrameDrawer {
     const places = frames.map((one) => [one, this.nearest(one, pinned.z_mm)] as const);
     this.say(places, pinned.z_mm);
     for (const [one, place] of places) {
-      const isFar = place === null || Math.abs((one.z_mm[place] ?? Infinity) - pinned.z_mm) > spacing(one.z_mm);
+      const apart = (z_mm: number | undefined): number => Math.abs((z_mm ?? Infinity) - pinned.z_mm);
+      const isFar = place === null || apart(one.z_mm[place]) > spacing(one.z_mm) + Math.min(...one.z_mm.map(apart));
       if (isFar && one.recording && !this.readings.has(one.side)) void this.read(one); // it lies there: show what is asked for
     }
     const wanted = places.map(([one, place]) => `${one.side} ${place}`).join();
