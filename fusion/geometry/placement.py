@@ -172,9 +172,9 @@ class Placement:
         """Return (image, valid) on the new grid, from valid samples only."""
         return resample(image[self._flip], valid[self._flip], self._rows, self._columns)
 
-    def known(self, image: Image, valid: Mask) -> Image:
-        """Return ``image`` on the new grid, NaN where nothing of it was observed."""
-        values, observed = self.image(image, valid)
+    def known(self, image: Image, valid: Mask, *, at_least: float = 0.5) -> Image:
+        """Return ``image`` on the new grid, NaN where less than the share ``at_least`` of a sample was observed."""
+        values, observed = resample(image[self._flip], valid[self._flip], self._rows, self._columns, at_least=at_least)
         return np.where(observed, values, np.float32(np.nan))
 
     def mask(self, mask: Mask, valid: Mask) -> tuple[Mask, Mask]:

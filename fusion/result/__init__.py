@@ -45,6 +45,7 @@ from endoct.fusion.result.scores import (
     Strata,
     Stratum,
 )
+from endoct.fusion.result.wall import Contradiction, WallSummary
 
 __all__ = [
     "Believable",
@@ -57,6 +58,7 @@ __all__ = [
     "ByLi",
     "CellScores",
     "Consensus",
+    "Contradiction",
     "CorrectedTwist",
     "DecidedByDepth",
     "Distances",
@@ -88,4 +90,5 @@ __all__ = [
     "Strata",
     "Stratum",
     "Threshold",
+    "WallSummary",
 ]

@@ -26,6 +26,7 @@ from endoct.fusion.result.scores import (
     Raters,
     Texts,
 )
+from endoct.fusion.result.wall import WallSummary
 
 _Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 _Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]
@@ -237,6 +238,7 @@ class Result(Part):
     polarity, polarity_from: by side, whether its cells are dark or bright, and how that is known. None where the
         question does not arise.
     scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
+    wall: of both sides joined; None where they are not aligned, or not one measures depth and the other sees light.
     valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
     doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
         side, which are read as doubts without a code of their own.
@@ -261,6 +263,7 @@ class Result(Part):
     polarity_from: dict[str, str | None] | None = None
     scores: PairScores | None = None
     budget: Budget | None = None
+    wall: WallSummary | None = None
     bootstrap: Bootstrap | None = None
     valid_fraction: Number
     overlap_mm: Number | None = None

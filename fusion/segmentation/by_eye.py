@@ -118,7 +118,8 @@ def cells_by_eye(
     of = f"probability of a cell, by the learned eye for {view.modality} panoramas"
     expected = expected_jaccard(probability.of_cell, mask, valid)
     doubts = tuple(_doubts(float(mask[valid].mean()), expected))
-    return Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", "eye", polarity_from, by_depth, doubts), expected
+    found = Segmentation(mask, LEAST_PROBABILITY, "1", of, "dark", "eye", polarity_from, by_depth, doubts)
+    return replace(found, probability=probability.of_cell), expected
 
 
 def _beyond(mask: Mask, other: Mask, darkness: Evidence) -> Mask:

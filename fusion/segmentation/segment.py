@@ -171,6 +171,7 @@ class Segmentation:
     polarity_from: how the polarity is known, in words; None where there is none.
     by_depth: how much depth by parallax changed; None where it had no say.
     doubts: why these are not to be trusted as cells.
+    probability: float32, of a cell at each sample, by a learned eye that was asked; None where none was.
     eye_declined: why a learned eye that could have been asked did not find them; None where there was none, or it did.
     """
 
@@ -184,6 +185,7 @@ class Segmentation:
     by_depth: DecidedByDepth | None = None
     doubts: tuple[Doubt, ...] = ()
     eye_declined: EyeDeclined | None = None
+    probability: Image | None = None
 
 
 def find_cells(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.compute.memory import give_back
+from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import place_sides, score_placed
@@ -20,6 +21,7 @@ from endoct.fusion.files.store import COMPARISON_STORE, save_comparison, write_c
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
+from endoct.fusion.wall.cells import Joined, join, write_wall_cells
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_notes, save_panorama
@@ -54,6 +56,8 @@ from endoct.workbench.sides.sources import (
 if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
     from endoct.workbench.requests import CompareRequest
 
+WALL_STORE = "wall.zarr"
+"""The store of the one wall of both sides in the folder of a comparison."""
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
 
@@ -107,7 +111,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         placed = place_sides(*sides, given.parameters, () if landmarks is None else landmarks.pairs)
         if folder is not None:
             folder.draw(placed)
-        comparison = score_placed(placed, given.parameters)
+        comparison, joined = at_once(lambda: score_placed(placed, given.parameters), lambda: join(placed))
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
@@ -115,6 +119,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
+            if joined is not None:
+                folder.write_wall(joined, placed)
     notes = {
         side.name: (
             *side.panorama.notes,
@@ -123,7 +129,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         )
         for side in sides
     }
-    comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
+    comparison = replace(comparison, result=_completed(comparison, joined, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -147,6 +153,7 @@ def _given(request: "CompareRequest") -> Given:
 
 def _completed(
     comparison: Comparison,
+    joined: Joined | None,
     against: Against,
     sides: tuple[Side, Side],
     given: Given,
@@ -160,7 +167,7 @@ def _completed(
     doubts = (*result.doubts, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
         doubts = (doubt, *doubts)
-    result = result.model_copy(update={"doubts": doubts})
+    result = result.model_copy(update={"doubts": doubts, "wall": None if joined is None else joined.summary})
     return result.completed(
         truth=against.truth,
         raters=against.raters,
@@ -244,6 +251,11 @@ class ComparisonFolder:
             write_mask(against.consensus, comparison.grid, self.path / "consensus.png")
         write_drawings(against, comparison.grid, self.path)
         return {side.name: task.result() for side, task in zip(self.sides, self.stored, strict=True)}
+
+    def write_wall(self, joined: Joined, placed: Placed) -> None:
+        """Write the one wall of both sides, and its cells."""
+        save_panorama(joined.wall.as_panorama(placed), self.path / WALL_STORE)
+        write_wall_cells(joined.cells, self.path / "wall-cells.csv")
 
     def write_result(self, comparison: Comparison) -> None:
         """Write ``result.json``."""

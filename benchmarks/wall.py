@@ -1,0 +1,254 @@
+"""The one wall of both sides: its networks trained, and it held against truth beside either side and plain rivals.
+
+    python -m benchmarks.wall make sound:9300:9310 quick:9300:9308 --into PAIRS [--workers 2]
+    python -m benchmarks.wall train --pairs PAIRS [--into fusion/wall/wall.safetensors]
+    python -m benchmarks.wall judge --pairs OTHER_PAIRS
+
+Sets are presets of the simulator and those of the independent generator. ``make`` unrolls both sides of each specimen,
+places them as `endoct compare` does, and keeps what they show with the truth on the common grid: 12 s of one core each.
+"""
+
+import argparse
+import os
+import pickle
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.independent.judge import Wall as JudgedWall
+from benchmarks.independent.judge import measured_place
+from benchmarks.independent.pair import make_pair, write_pair
+from benchmarks.independent.sets import recipe_of
+from endoct.base.arrays import Image, Mask
+from endoct.base.errors import EndoctError
+from endoct.base.numeric.distance import signed_distance
+from endoct.fusion.comparison import place_sides
+from endoct.fusion.evidence.side import two_sides
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.scoring.overlap import jaccard
+from endoct.fusion.wall.seen import FARTHEST_MM, Seen, cell_features, seen_by_both
+from endoct.fusion.wall.wall import depth_features, told_depth, wall_from
+from endoct.stitching.panorama import Panorama
+from endoct.synthetic.sample.presets import PRESETS
+from endoct.workbench import simulate, unroll
+from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
+
+WIDTH, EPOCHS, BATCH, RATE = 32, 20, 2048, 3e-3
+SAMPLES_A_PAIR = 6000
+DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
+SMALLER_BY = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What both sides show of a specimen, with its true cells and relief on the same grid."""
+
+    name: str
+    seed: int
+    seen: Seen
+    cell: Mask
+    relief_mm: Image
+
+
+def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, seed: int) -> Known | None:
+    """Return two panoramas placed, with the truth on the samples of ``a``; None where they are not aligned."""
+    try:
+        placed = place_sides(*two_sides(a, b), CompareParameters())
+    except EndoctError:
+        return None
+    if (seen := seen_by_both(placed)) is None:
+        return None
+    onto = placed.samplings[0].onto(placed.grid)
+    true, _ = onto.mask(cell, np.ones(cell.shape, np.bool_))
+    return Known(name, seed, seen, true, onto.known(relief_mm, np.isfinite(relief_mm)))
+
+
+def made(name: str, seed: int, into: Path) -> str:
+    """Make, place and keep a specimen; say how that ended."""
+    path = into / f"{name}-{seed}.pkl"
+    if path.exists():
+        return f"{path.name} is there"
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "specimen"
+        if name in PRESETS:
+            simulate(folder, preset=name, seed=seed, progress=False)  # type: ignore[arg-type]
+        else:
+            pair = make_pair(recipe_of(name, seed), seed)
+            write_pair(pair, folder)
+        a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
+        if name in PRESETS:
+            truth = load_truth(folder)
+            pose = true_pose(a, truth)
+            cell, relief_mm = true_cells(truth, pose, a), true_relief(truth, pose, a)
+        else:
+            grid = a.grid
+            empty = np.zeros(grid.shape, np.bool_)
+            wall = JudgedWall(a.intensity, empty, a.valid, grid.z_mm, grid.theta_rad)
+            place, _ = measured_place(pair.bore, wall, pair.endoscope_place)
+            theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
+            cell = pair.bore.is_cell(theta, z)
+            relief_mm = np.asarray(pair.bore.at(pair.bore.relief_mm, theta, z), np.float32)
+    known = known_of(a, b, cell, relief_mm, name, seed)
+    if known is None:
+        return f"{path.name}: not aligned"
+    keep(known, path)
+    return f"{path.name}: {known.seen.grid.shape}"
+
+
+def keep(known: Known, path: Path) -> None:
+    """Write a specimen at one stroke."""
+    part = path.with_suffix(".part")
+    part.write_bytes(pickle.dumps(known, protocol=5))
+    part.rename(path)
+
+
+def kept(folder: Path) -> Iterator[Known]:
+    """Yield the specimens in a folder, one at a time."""
+    for path in sorted(folder.glob("*.pkl")):
+        yield pickle.loads(path.read_bytes())
+
+
+def train(folder: Path, into: Path) -> None:
+    """Train both networks on the specimens in ``folder``, and write their weights."""
+    import torch
+    from safetensors.torch import save_file
+    from torch import nn
+
+    rng = np.random.default_rng(0)
+    cells: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+    depths: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+    for known in kept(folder):
+        seen, features = known.seen, cell_features(known.seen)
+        near = seen.observed[0] & seen.observed[1] & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
+        some = rng.choice(np.flatnonzero(near), SAMPLES_A_PAIR)
+        cells.append((features.reshape(len(features), -1)[:, some], known.cell.ravel()[some].astype(np.float32)[None]))
+        depth_mm = told_depth(seen)
+        told = (seen.cells[0] | seen.cells[1]) & known.cell & np.isfinite(depth_mm)
+        if told.any():
+            of_cells = depth_features(seen, told)
+            some = rng.choice(of_cells.shape[1], SAMPLES_A_PAIR)
+            depths.append((of_cells[:, some], (known.relief_mm - depth_mm)[told][some][None]))
+
+    def fitted(samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], n_answers: int) -> nn.Sequential:
+        torch.manual_seed(0)
+        given, wanted = (torch.from_numpy(np.concatenate(part, axis=1).T.copy()) for part in zip(*samples, strict=True))
+        middle, spread = given.mean(0), given.std(0) + 1e-6
+        layers = (nn.Linear(given.shape[1], WIDTH), nn.ReLU(), nn.Linear(WIDTH, WIDTH), nn.ReLU())
+        network = nn.Sequential(*layers, nn.Linear(WIDTH, n_answers))
+        scaled = (given - middle) / spread
+        optimizer = torch.optim.Adam(network.parameters(), RATE)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
+        for _ in range(EPOCHS):
+            for some in torch.randperm(len(scaled)).split(BATCH):
+                answer, true = network(scaled[some]), wanted[some]
+                if n_answers == 1:
+                    loss = nn.functional.binary_cross_entropy_with_logits(answer, true)
+                else:  # a Student's t, 4 degrees of freedom: where a floor is another cell's, errors are large
+                    log_error = answer[:, 1:].clamp(-6, 1)
+                    z = (true - answer[:, :1]) / log_error.exp()
+                    loss = (log_error + 2.5 * torch.log1p(z**2 / 4)).mean()
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+            schedule.step()
+        first = network[0]
+        with torch.no_grad():  # the scaling of what is given becomes part of the first layer
+            first.weight /= spread
+            first.bias -= first.weight @ middle
+        return network
+
+    weights = {f"cell.{key}": value for key, value in fitted(cells, 1).state_dict().items()}
+    weights |= {f"depth.{key}": value for key, value in fitted(depths, 2).state_dict().items()}
+    save_file({key: value.contiguous() for key, value in weights.items()}, into)
+
+
+Row = dict[str, float]
+
+
+def judged(known: Known) -> Row:
+    """Return what the wall and its rivals come to on a specimen, where both sides observed it."""
+    seen, wall = known.seen, wall_from(known.seen)
+    both = seen.observed[0] & seen.observed[1] & np.isfinite(known.relief_mm)
+    sample_mm = seen.grid.dz_mm, seen.grid.dtheta_mm
+    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
+    mean = signed_distance(light, sample_mm, FARTHEST_MM) + signed_distance(depth, sample_mm, FARTHEST_MM) > 0
+    masks = {"wall": wall.cells, "light": light, "depth": depth, "union": light | depth, "both": light & depth}
+    masks["mean"] = mean
+    row = {name: jaccard(mask & both, known.cell & both, both) or 0.0 for name, mask in masks.items()}
+    row["better"] = max(row["light"], row["depth"])
+    right = wall.cells & known.cell & both & np.isfinite(wall.relief_mm)
+    error = wall.relief_mm - known.relief_mm
+    row["volume"] = float(
+        wall.relief_mm[wall.cells & both & np.isfinite(wall.relief_mm)].sum() / known.relief_mm[known.cell & both].sum()
+    )
+    for low, high in (*DEPTHS_MM, (0.0, 9.0)):
+        part = right & (known.relief_mm > low) & (known.relief_mm < high)
+        if part.sum() > 500:
+            off, sigma = error[part], wall.error_mm[part]
+            name = f"{low:g}–{high:g}"
+            row |= {f"{name} mean |error|": float(np.abs(off).mean()), f"{name} bias": float(np.median(off))}
+            row |= {f"{name} in {k} sigma": float((np.abs(off) <= k * sigma).mean()) for k in (1, 2)}
+            linear = np.abs(np.nan_to_num(seen.relief_mm[part]) - known.relief_mm[part])
+            row[f"{name} linear"] = float(linear.mean())
+    return row
+
+
+def table(rows: Sequence[tuple[str, Row]]) -> Iterator[str]:
+    """Yield, by set, medians, means and the worst, of cells; then of depths."""
+    for name in dict.fromkeys(of for of, _ in rows):
+        mine = [row for of, row in rows if of == name]
+        wall, better = (np.array([row[key] for row in mine]) for key in ("wall", "better"))
+        below = float((wall < better - SMALLER_BY).mean())
+        cells = ", ".join(
+            f"{key} {np.median(v):.3f} (mean {v.mean():.3f}, worst {v.min():.3f})"
+            for key in ("wall", "better", "light", "depth", "union", "mean")
+            if len(v := np.array([row[key] for row in mine]))
+        )
+        yield f"{name}: {len(mine)} aligned; {cells}; below the better side by over {SMALLER_BY}: {below:.0%}"
+        for key in dict.fromkeys(key for row in mine for key in row if key[0].isdigit() or key == "volume"):
+            v = np.array([row[key] for row in mine if key in row])
+            yield f"    {key}: {np.median(v):.3f} (mean {v.mean():.3f}, {v.min():.3f} to {v.max():.3f})"
+
+
+def main() -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.wall", description=__doc__)
+    parser.add_argument("act", choices=("make", "train", "judge"))
+    parser.add_argument("sets", nargs="*")
+    parser.add_argument("--pairs", type=Path)
+    parser.add_argument("--into", type=Path, default=Path("fusion/wall/wall.safetensors"))
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    if options.act == "train":
+        train(options.pairs, options.into)
+    elif options.act == "judge":
+        with ProcessPoolExecutor(options.workers) as pool:
+            rows = list(pool.map(_judged, sorted(options.pairs.glob("*.pkl"))))
+        print("\n".join(table(rows)))
+    else:
+        options.into.mkdir(exist_ok=True)
+        parts = (each.split(":") for each in options.sets)
+        cases = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
+        with ProcessPoolExecutor(options.workers) as pool:
+            for said in pool.map(partial(_made, options.into), cases):
+                print(said, flush=True)
+
+
+def _made(into: Path, case: tuple[str, int]) -> str:
+    return made(*case, into)
+
+
+def _judged(path: Path) -> tuple[str, Row]:
+    known: Known = pickle.loads(path.read_bytes())
+    return known.name, judged(known)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""What two placed sides, one that measures depth and one that sees light, show of every sample of the wall."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.distance import signed_distance
+from endoct.base.numeric.regions import label, looked_up, within
+from endoct.fusion.sides import Placed
+from endoct.stitching.grid import SurfaceGrid
+
+FARTHEST_MM = 0.3
+"""An outline farther off says no more than that it is far."""
+BESIDE_MM = 0.1
+"""What one side shows of a cell counts so far beyond the cell's outline, too."""
+LEAST_LOGIT = 0.01
+"""A probability this near to 0 or 1 is as sure as any."""
+SHALLOWEST_MM, DEEPEST_MM = -0.05, 0.3
+"""Relief beyond these says no more about whether a sample is a cell."""
+LEAST_OF_ROWS = 0.02
+"""With so much of a sample's neighbouring rows in a cell, its depth follows these rows alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What both sides show on ``grid``, arrays (n_z, n_theta).
+
+    Attributes
+    ----------
+    depth_side, light_side: the places of both among the sides of the comparison, 0 or 1.
+    cells, observed: of either side by its place, the cells it shows there and where it observed the wall.
+    probability: float32, of a cell by the learned eye of the light's side; NaN where that was not asked.
+    relief_mm: float32, how far the surface lies behind the wall by measured depth, interpolated between its rows.
+    relief_in_cells_mm: the same from those neighbouring samples alone that the side itself takes for cells.
+    parallax_mm, parallax_error_mm: relief by parallax with its standard error.
+    from_row_mm: float64 (n_z,), the distance of each row to the nearest one on which depth was measured.
+
+    Reliefs are NaN where they are not known.
+    """
+
+    grid: SurfaceGrid
+    depth_side: int
+    light_side: int
+    cells: tuple[Mask, Mask]
+    observed: tuple[Mask, Mask]
+    probability: Image
+    relief_mm: Image
+    relief_in_cells_mm: Image
+    parallax_mm: Image
+    parallax_error_mm: Image
+    from_row_mm: NDArray[np.float64]
+
+
+def seen_by_both(placed: Placed) -> Seen | None:
+    """Return what two aligned sides show, of which one measures depth and one does not; None of any others."""
+    measures = [side.relief is not None for side in placed.both]
+    if placed.outcome.alignment is None or sum(measures) != 1 or any(side.drawing for side in placed.both):
+        return None
+    d = measures.index(True)
+    depth, light = placed.both[d], placed.both[1 - d]
+    grid, of_depth, of_light = placed.grid, placed.samplings[d], placed.samplings[1 - d]
+    down, beside = of_depth.onto(grid), of_light.onto(grid)
+    assert depth.relief is not None  # noqa: S101  it is the side that measures
+    own, cells = depth.relief, placed.cells[d].mask
+    probability, parallax = placed.cells[1 - d].probability, light.parallax
+    nowhere = np.full(grid.shape, np.nan, np.float32)
+    rows_mm = np.sort(of_depth.where.z_to_a(of_depth.grid.z_mm))
+    place = np.clip(np.searchsorted(rows_mm, grid.z_mm), 1, max(rows_mm.size - 1, 1))
+    either = np.abs(grid.z_mm - rows_mm[place - 1]), np.abs(grid.z_mm - rows_mm[min(1, rows_mm.size - 1) and place])
+    return Seen(
+        grid=grid,
+        depth_side=d,
+        light_side=1 - d,
+        cells=(placed.sides[0].mask, placed.sides[1].mask),
+        observed=(placed.sides[0].valid, placed.sides[1].valid),
+        probability=nowhere if probability is None else beside.known(probability, light.panorama.valid),
+        relief_mm=down.known(own.values, own.valid),
+        relief_in_cells_mm=down.known(own.values, own.valid & cells, at_least=LEAST_OF_ROWS),
+        parallax_mm=nowhere if parallax is None else beside.known(parallax.relief_mm, parallax.known),
+        parallax_error_mm=nowhere if parallax is None else beside.known(parallax.error_mm, parallax.known),
+        from_row_mm=np.minimum(*either),
+    )
+
+
+def cell_features(seen: Seen) -> NDArray[np.float32]:
+    """Return what tells a cell, float32 (6, n_z, n_theta).
+
+    Signed distances to the outlines of both sides, light first; the eye's log odds; measured relief; which share of the
+    other side's nearest cell, depth first, each side covers.
+    """
+    sample_mm = seen.grid.dz_mm, seen.grid.dtheta_mm
+    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
+    probable = np.nan_to_num(seen.probability, nan=0.5)
+    return np.stack(
+        [
+            signed_distance(light, sample_mm, FARTHEST_MM),
+            signed_distance(depth, sample_mm, FARTHEST_MM),
+            np.log((probable + LEAST_LOGIT) / (1 + LEAST_LOGIT - probable)),
+            np.nan_to_num(np.clip(seen.relief_mm, SHALLOWEST_MM, DEEPEST_MM)),
+            _covered(depth & seen.observed[seen.light_side], light, sample_mm),
+            _covered(light & seen.observed[seen.depth_side], depth, sample_mm),
+        ]
+    ).astype(np.float32, copy=False)
+
+
+def _covered(cells: Mask, other: Mask, sample_mm: tuple[float, float]) -> Image:
+    """Return at samples in or beside a cell which share of it ``other`` covers, float32, 1 far from all cells."""
+    beside = within(cells, BESIDE_MM / sample_mm[0], BESIDE_MM / sample_mm[1])
+    labels, n = label(beside)
+    inside = labels[cells]
+    of_all = np.bincount(inside, minlength=n + 1)
+    of_other = np.bincount(inside, weights=other[cells], minlength=n + 1)
+    share = (of_other / np.maximum(of_all, 1)).astype(np.float32)
+    share[0] = 1
+    return looked_up(share, labels)

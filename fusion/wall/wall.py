@@ -1,0 +1,144 @@
+"""The one wall that both sides of a comparison know: each sample's relief, whether it is a cell, and who decided."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.distance import signed_distance
+from endoct.base.numeric.ranks import robust_sigma
+from endoct.base.numeric.regions import remove_small
+from endoct.fusion.sides import Placed
+from endoct.fusion.wall.network import answers
+from endoct.fusion.wall.seen import FARTHEST_MM, Seen, cell_features
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.per_frame import PerFrame
+
+NOBODY, BY_LIGHT, BY_DEPTH, BY_BOTH = range(4)
+"""Who decided a sample: nobody saw it, one side alone was followed, or both say the same or were weighed."""
+SMALLEST_MM2 = 0.01
+"""Smaller cells are none, as on either side."""
+TRUST_MM = 0.05
+"""A standard error of depth by parallax of this size halves the trust in it."""
+SHALLOWEST_MM = 0.01
+"""No cell is less deep."""
+ERRORS_MM = (0.005, 1.0)
+"""No depth is known better or worse."""
+OF_SCALE = 1.2
+"""A standard error is so many scales of the Student's t, with 4 degrees of freedom, that the network learned: one and
+two of it hold 70 % and 93 %, as floors that are another cell's make errors large more often than a normal law has."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """The wall of two placed sides on their common ``grid``, arrays (n_z, n_theta).
+
+    Attributes
+    ----------
+    probability: float32, of a cell; NaN where neither side observed the wall.
+    cells: bool.
+    relief_mm, error_mm: float32, how far the surface lies behind the bore's wall, and its standard error; NaN where
+        neither side tells.
+    decided: uint8, ``NOBODY``, ``BY_LIGHT``, ``BY_DEPTH`` or ``BY_BOTH``.
+    """
+
+    grid: SurfaceGrid
+    probability: Image
+    cells: Mask
+    relief_mm: Image
+    error_mm: Image
+    decided: NDArray[np.uint8]
+
+    @property
+    def observed(self) -> Mask:
+        """Where either side observed the wall."""
+        return np.asarray(self.decided != NOBODY)
+
+    def as_panorama(self, placed: Placed) -> Panorama:
+        """Return the wall as a panorama of the modality "wall", in the frame of side A, for whatever takes one.
+
+        Its intensity is that of the side which sees light, 1 where that saw nothing; it is valid where relief is known.
+        What else is known of every sample lies on its rows: the probability of a cell, the error of its depth, and who
+        decided.
+        """
+        light = next(side for side, of in zip(placed.sides, placed.both, strict=True) if of.relief is None)
+        a = placed.both[0].panorama
+        known = np.isfinite(self.relief_mm)
+        return Panorama(
+            grid=self.grid,
+            intensity=np.where(light.valid, light.intensity, np.float32(1)),
+            depth_mm=np.where(known, self.relief_mm, np.float32(0)),
+            valid=known,
+            weight=known.astype(np.float32),
+            modality="wall",
+            handedness_known=a.handedness_known,
+            travel_known=a.travel_known,
+            frame_dim="row",
+            per_frame={
+                "row_z_mm": PerFrame(self.grid.z_mm, "mm", "place of the row"),
+                "cell_probability": PerFrame(self.probability, "1", "probability of a cell"),
+                "relief_error_mm": PerFrame(self.error_mm, "mm", "standard error of depth"),
+                "decided": PerFrame(self.decided, "", "0 nobody, 1 the side with light, 2 with depth, 3 both"),
+            },
+            provenance={"wall_of": [side.name for side in placed.sides]},
+        )
+
+
+def wall_from(seen: Seen) -> Wall:
+    """Return the wall by what both sides show of it."""
+    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
+    saw_light, saw_depth = seen.observed[seen.light_side], seen.observed[seen.depth_side]
+    probability = np.where(saw_light, light, depth).astype(np.float32)
+    features = cell_features(seen)
+    near = saw_light & saw_depth & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
+    probability[near] = expit(answers("cell", features[:, near])[0])
+    probability[~(saw_light | saw_depth)] = np.nan
+    smallest_px = SMALLEST_MM2 / (seen.grid.dz_mm * seen.grid.dtheta_mm)
+    cells = remove_small(probability > 0.5, smallest_px)
+    relief_mm, error_mm = _relief(seen, cells)
+    return Wall(seen.grid, probability, cells, relief_mm, error_mm, _decided(seen, cells))
+
+
+def depth_features(seen: Seen, cells: Mask) -> NDArray[np.float32]:
+    """Return what tells the depth of ``cells``, float32 (7, n), for each of their samples.
+
+    Relief measured in the cell and around, 0 where it is not known, and whether it is; the distance to the cell's
+    outline and to the nearest measured row; relief by parallax and the trust in it, 0 where that is not known.
+    """
+    inside_mm = signed_distance(cells, (seen.grid.dz_mm, seen.grid.dtheta_mm), FARTHEST_MM)
+    from_row_mm = np.broadcast_to(seen.from_row_mm[:, np.newaxis], cells.shape)
+    own, around = seen.relief_in_cells_mm[cells], seen.relief_mm[cells]
+    trust = TRUST_MM / (TRUST_MM + seen.parallax_error_mm[cells])
+    parts = own, around, np.isfinite(own), inside_mm[cells], from_row_mm[cells], seen.parallax_mm[cells], trust
+    return np.nan_to_num(np.stack(parts)).astype(np.float32)
+
+
+def told_depth(seen: Seen) -> Image:
+    """Return the relief that was measured, and by parallax where none was, float32, NaN where neither is known."""
+    return np.asarray(np.where(np.isfinite(seen.relief_mm), seen.relief_mm, seen.parallax_mm))
+
+
+def _relief(seen: Seen, cells: Mask) -> tuple[Image, Image]:
+    """Return relief and its standard error: of the plain wall as it was measured, of cells by all that tells of it."""
+    plain = seen.observed[seen.depth_side] & ~cells
+    relief_mm = np.where(plain, seen.relief_mm, np.float32(np.nan)).astype(np.float32)
+    of_wall = relief_mm[plain]
+    error_mm = np.where(plain, np.float32(robust_sigma(of_wall) if of_wall.size else np.nan), np.float32(np.nan))
+    told = cells & np.isfinite(told_depth(seen))
+    beyond_mm, log_error = answers("depth", depth_features(seen, told))
+    relief_mm[told] = np.maximum(told_depth(seen)[told] + beyond_mm, SHALLOWEST_MM)
+    error_mm[told] = np.clip(OF_SCALE * np.exp(log_error), *ERRORS_MM)
+    return relief_mm, error_mm
+
+
+def _decided(seen: Seen, cells: Mask) -> NDArray[np.uint8]:
+    light, depth = (cells == seen.cells[k] for k in (seen.light_side, seen.depth_side))
+    saw_light, saw_depth = seen.observed[seen.light_side], seen.observed[seen.depth_side]
+    decided = np.full(cells.shape, BY_BOTH, np.uint8)
+    decided[saw_light & (~saw_depth | (light & ~depth))] = BY_LIGHT
+    decided[saw_depth & (~saw_light | (depth & ~light))] = BY_DEPTH
+    decided[~(saw_light | saw_depth)] = NOBODY
+    return decided
