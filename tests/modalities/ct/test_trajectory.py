@@ -140,9 +140,7 @@ def fcsv(path: Path, system: str, **fields: str) -> Path:
     ("version", "system", "more"),
     [("4.4", "0", ""), ("4.10", "1", ""), ("4.11", "LPS", ""), ("5.4", "RAS", ",2,0"), ("5.0", "LPS", ",2")],
 )
-def test_a_list_of_any_slicer_is_the_same_plan(
-    tmp_path: Path, version: str, system: str, more: str
-) -> None:
+def test_a_list_of_any_slicer_is_the_same_plan(tmp_path: Path, version: str, system: str, more: str) -> None:
     path = fcsv(tmp_path / "plan.fcsv", system, version=version, more=more)
     line, convention = read_line(path)
     assert convention == ("ras" if system in ("RAS", "0") else "lps")
@@ -168,9 +166,7 @@ def test_a_list_of_any_slicer_is_the_same_plan(
         ({"target": "1,2,3,0,0,0,1,1,1,0,F\n3,4,5,6"}, "3 points"),
     ],
 )
-def test_a_list_that_says_no_line_is_refused(
-    tmp_path: Path, fields: dict[str, str], message: str
-) -> None:
+def test_a_list_that_says_no_line_is_refused(tmp_path: Path, fields: dict[str, str], message: str) -> None:
     with pytest.raises(EndoctError, match=message):
         read_line(fcsv(tmp_path / "plan.fcsv", **({"system": "LPS"} | fields)))
 
