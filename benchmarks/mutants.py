@@ -217,8 +217,7 @@ class _Watch:
         self.failed = False
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        costly = ("tmp_path_factory", "browser", "page")
-        items.sort(key=lambda item: any(name in costly for name in getattr(item, "fixturenames", ())))
+        items.sort(key=_is_costly)
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
         if self._specimen is not None and (made := getattr(session.config, "_tmp_path_factory", None)) is not None:
@@ -237,6 +236,14 @@ class _Watch:
     def pytest_runtest_teardown(self, item: pytest.Item) -> None:
         if time.process_time() > self._until:
             item.session.shouldstop = "its time is up"
+
+
+def _is_costly(item: pytest.Item) -> bool:
+    """Say whether a test has a browser, or what is made once for several tests in a folder of its own."""
+    fixtures = getattr(item, "_fixtureinfo").name2fixturedefs  # noqa: B009, pytest has no public name for it
+    return any(name in ("browser", "page") for name in fixtures) or any(
+        one.scope != "function" and "tmp_path_factory" in one.argnames for some in fixtures.values() for one in some
+    )
 
 
 if __name__ == "__main__":

@@ -35,6 +35,9 @@ UNITS: Mapping[str, float] = {"mm": 1000, "um": 0.001, "px": 2, "rad": 57.3, "de
 """By the ending of a name: the factor by which the unit next to its own is smaller."""
 ANGLES = ("deg2rad", "rad2deg", "radians", "degrees")
 LEFT_OUT = ast.Raise | ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom
+SHAPED = ("size", "shape", "ndim", "dtype")
+"""Of an array in any unit these are the same."""
+NO_LENGTH = ("called", "shaped")
 NOT_CODE = ("annotation", "returns", "decorator_list")
 
 
@@ -55,7 +58,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Spot:
-    """An expression of a module; ``role``: "index", "test", "called" or none. ``computed``: as of a fault."""
+    """An expression of a module; ``role``: "index", "test", "called", "shaped" or none. ``computed``: as of a fault."""
 
     node: ast.expr
     role: str
@@ -113,6 +116,8 @@ def _role(above: ast.AST, name: str, role: str) -> str:
             return "test"
         case ast.Call(), "func":
             return "called"
+        case (ast.Attribute(attr=attribute), "value") if attribute in SHAPED:
+            return "shaped"
         case ((ast.Slice() | ast.Tuple() | ast.UnaryOp()), _) if role == "index":
             return role
     return ""
@@ -144,7 +149,7 @@ def _changes(spot: Spot) -> Iterator[tuple[str, ast.expr]]:
             yield "operation", ast.Attribute(of, CALLED[name], node.ctx)
         case ast.Name(id=name) if spot.role == "called" and name in CALLED:
             yield "operation", ast.Name(CALLED[name], node.ctx)
-        case ast.Name(id=name, ctx=ast.Load()) | ast.Attribute(attr=name, ctx=ast.Load()) if spot.role != "called":
+        case ast.Name(id=name, ctx=ast.Load()) | ast.Attribute(attr=name, ctx=ast.Load()) if spot.role not in NO_LENGTH:
             stem, _, unit = name.rpartition("_")
             if stem and unit in UNITS and not name.isupper():
                 yield "unit", ast.BinOp(node, ast.Mult(), ast.Constant(UNITS[unit]))

@@ -17,7 +17,7 @@ def of(a_mm, b: int = 3, *, found=None) -> float:
     if not found and b > 2:
         raise ValueError(f"{b + 1}", 2 + 2)
     rows = [-row[1:, -1] for row in zip(a_mm, b, strict=True) if row]
-    return max(a_mm * 2.0, b - 1) if np.any(rows) else np.deg2rad(b)
+    return max(a_mm * 2.0, b - 1, rows_mm.size) if np.any(rows) else np.deg2rad(b)
 """
 EXPECTED = {
     ("constant", "0.5", "1.0"), ("constant", "3", "4"), ("branch", "not found and b > 2", "True"),

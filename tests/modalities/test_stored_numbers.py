@@ -263,13 +263,3 @@ def test_colours_of_a_jpeg_in_a_tiff_are_those_that_its_stream_has(tmp_path: Pat
             with tifffile.TiffFile(path, mode="r+") as tiff:
                 tiff.pages[0].tags[262].overwrite(meaning)
             assert np.abs(open_stack(path)[0].astype(int) - colour).max() <= 3
-
-
-@pytest.mark.parametrize("suffix", [".tif", ".png", ".jpg"])
-@pytest.mark.parametrize(("dpi", "aspect"), [((150, 100), 2 / 3), ((100, 150), 1.5), ((100, 100), 1.0), (None, 1.0)])
-def test_the_aspect_of_pixels_by_the_resolution(
-    suffix: str, dpi: tuple[int, int] | None, aspect: float, tmp_path: Path
-) -> None:
-    image = Image.fromarray(np.zeros((16, 24, 3), np.uint8))
-    image.save(tmp_path / f"a{suffix}", **({} if dpi is None else {"dpi": dpi}))
-    assert open_stack(tmp_path / f"a{suffix}").pixel_aspect == pytest.approx(aspect, rel=1e-3)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import nibabel
@@ -14,6 +15,8 @@ from scipy import ndimage
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.nifti import nifti_header
 from endoct.modalities.ct.trajectory import Trajectory, read_line
+from endoct.synthetic import ct_scan
+from endoct.synthetic.bone.lattice import Lattice
 from endoct.synthetic.ct_scan import drawn_plan, true_line, write_ct
 from endoct.synthetic.draw import Scans, draw
 from endoct.synthetic.sample.parameters import Ct
@@ -98,6 +101,20 @@ def test_the_bore_shows_after_drilling_only(specimen: Path) -> None:
     before, affine = opened(specimen, "ct.nii.gz")
     index = np.rint((np.linalg.inv(affine) @ axis)[:3]).astype(int)
     assert np.mean(before[tuple(index)]) > -500
+
+
+def test_bone_of_half_the_density_lies_halfway_to_soft_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
+    sample = draw("learning", 4, ranges={"bore.bone": ("network",)}, scans=Scans(ct=True))
+    assert sample.ct is not None
+    places = Lattice(np.array([2.0, -1.0, 3.0]), np.diag([0.2, 0.2, 0.2])[::-1], (6, 8, 8))
+    hu = {}
+    for share in (None, 0.5):
+        density = None if share is None else SimpleNamespace(on=lambda of: np.full(of.shape, 0.5, np.float32))
+        monkeypatch.setattr(ct_scan, "density_of", lambda _, density=density: density)
+        hu[share] = ct_scan._tissues(sample, sample.ct, places, drilled=False)
+    solid = hu[None] == sample.ct.bone_hu
+    assert solid.sum() > 20
+    assert np.unique(hu[0.5][solid]) == pytest.approx([(sample.ct.bone_hu + ct_scan.TISSUE_HU) / 2])
 
 
 def test_thick_slices_on_request() -> None:

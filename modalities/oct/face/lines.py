@@ -150,10 +150,7 @@ def _strongest(
     column, row = places
     for _ in range(MOST_LINES):
         support = _support(strength, crossings)
-        best = 0
-        for k in range(1, support.size):
-            if support[k] > support[best]:
-                best = k
+        best = np.argmax(support)
         if support[best] < LEAST_SUPPORT:
             break
         circle = _fit(circles[best], beams, radius_mm, 3 * mm_per_px, 0.0, 0.0)

@@ -8,7 +8,7 @@ from bore_pairs import Pair
 from hypothesis import given
 from hypothesis import strategies as st
 
-from endoct.fusion.evidence.evidence import on_grid, prepare
+from endoct.fusion.evidence.evidence import Evidence, correlation, on_grid, prepare
 from endoct.fusion.evidence.relief import relief
 from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 
@@ -102,3 +102,17 @@ def test_a_common_grid_starts_at_theta_zero(pair: Pair) -> None:
     assert found.values.shape == (50, 128)
     assert found.theta0_rad == 0
     assert found.valid.all()
+
+
+def test_evidence_correlates_as_far_as_it_says_something() -> None:
+    """Where both are valid, within the bounds of their kinds; of what is the same everywhere, not at all."""
+
+    def of(values: list[float], valid: list[bool]) -> Evidence:
+        image = np.array([values], np.float32)
+        return Evidence(image, np.array([valid]), np.zeros(1), 0.1, 0.0, 1.25, kind="relief")
+
+    rising = of([0.0, 0.05, 0.1, 0.15, 9.0], [True] * 5)
+    assert correlation(rising, of([0.0, 0.05, 0.1, 0.15, 0.15], [True] * 5)) == pytest.approx(1)
+    assert correlation(rising, of([0.15, 0.1, 0.05, 0.0, 0.1], [True] * 4 + [False])) == pytest.approx(-1)
+    for flat in (of([0.2, 0.3, 0.4, 0.5, 0.6], [True] * 5), of([0.1, 0, 0, 0, 0], [True] + [False] * 4)):
+        assert correlation(rising, flat) == correlation(flat, rising) == 0

@@ -1,8 +1,14 @@
-"""Controls of a pattern: so many pieces as its length asks for, each turned, all of them there, no neighbours kept."""
+"""Which sense of θ fits; controls of a pattern: its pieces turned, all of them there, no neighbours kept."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
+from endoct.fusion.pose import search
 from endoct.fusion.pose.search import (
     COLUMNS,
     OF_EACH_KIND,
@@ -61,3 +67,36 @@ def test_a_short_pattern_has_two_pieces() -> None:
     turns = np.array([origin_of(control)[1] for control in turned_patterns(short)])
     assert (np.count_nonzero(np.diff(turns, axis=1), axis=1) <= 1).all()
     assert (np.count_nonzero(np.diff(turns, axis=1), axis=1) == 1).any()
+
+
+@dataclass
+class Sensed:
+    """Of an observation, whether its senses are known."""
+
+    directed: bool
+    handed: bool = True
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "favoured"),
+    [(0.5, 0.75, True), (0.75, 0.5, False), (0.6, 0.55, None), (0.55, 0.6, None)],
+)
+@pytest.mark.parametrize("directed", [True, False])
+def test_the_mirror_image_is_favoured_where_it_fits_clearly_better(
+    right: float, wrong: float, favoured: bool | None, directed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where z may run either way, the better of both counts, whichever it is."""
+
+    def score(sense: Sense) -> float:
+        best = right if sense.turning == 1 else wrong
+        return best - 0.4 * (not directed and sense.inward == sense.turning)
+
+    monkeypatch.setattr(search, "pattern_of", lambda side, sense, device: sense)
+    monkeypatch.setattr(
+        search,
+        "candidates_along",
+        lambda air, side, senses, axes: [[SimpleNamespace(score=score(sense))] for sense in senses],
+    )
+    air: Any = SimpleNamespace(values=torch.zeros(1))
+    side: Any = Sensed(directed)
+    assert search.favours_mirror(air, side, np.zeros(4)) is favoured

@@ -230,3 +230,18 @@ def test_a_jpeg_with_a_film_behind_it_is_an_image(tmp_path: Path) -> None:
     data = (tmp_path / "one.jpg").read_bytes()
     (tmp_path / "one.jpg").write_bytes(data[: data.rfind(b"\xff\xd9") - 20])
     assert "without its end" in refused(tmp_path / "one.jpg")
+
+
+def test_three_equal_colours_are_grey_where_every_frame_has_them(tmp_path: Path) -> None:
+    grey = np.repeat(COLOUR[..., :1], 3, axis=3)
+    opened = open_stack(npy(grey)(tmp_path)).grey()
+    assert opened.frame_shape == (24, 32)
+    np.testing.assert_array_equal(opened[2], grey[2, ..., 0])
+    for stack in (COLOUR, np.zeros_like(grey), STACK):  # coloured, black, without colours
+        opened = open_stack(npy(stack)(tmp_path))
+        assert opened.grey() is opened
+    late = np.concatenate([grey] * 4)
+    late[10, 0, 0] = 1, 2, 3  # of twelve frames the first, the middle and the last are looked at
+    opened = open_stack(npy(late)(tmp_path)).grey()
+    with pytest.raises(EndoctError, match=r"frame 10 of .* has colours"):
+        opened[10]

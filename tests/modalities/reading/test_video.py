@@ -5,9 +5,11 @@ import random
 import shutil
 import subprocess
 import sys
+from collections import OrderedDict
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -17,6 +19,7 @@ import pytest
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
+from endoct.modalities.reading.video import ReadVideo
 from endoct.modalities.recognition import open_recording
 from endoct.modalities.registry import manifest_for
 
@@ -244,3 +247,21 @@ def test_the_aspect_of_pixels_of_a_video(name: str, tmp_path: Path) -> None:
     path = encoded(tmp_path / name, "libx264", "yuv420p", aspect=Fraction(16, 15), **how)
     assert open_stack(path).pixel_aspect == pytest.approx(16 / 15)
     assert open_stack(encoded(tmp_path / f"b{name}", "libx264", "yuv420p", **how)).pixel_aspect == 1
+
+
+def stamped(*stamps: int | None) -> list[Any]:
+    return [SimpleNamespace(pts=stamp, dts=None, is_corrupt=False) for stamp in stamps]
+
+
+def test_a_frame_is_met_by_its_time_whatever_comes_between() -> None:
+    """Frames without a time, of a time that the index has not, and from before are passed over."""
+    frames = stamped(None, 0, 5, 10, 0, 20, 30)
+    frames[5].pts, frames[5].dts = None, 20  # its time of decoding counts instead
+    index = SimpleNamespace(times=np.array([0, 10, 20, 30]), kept=2)
+    of: Any = SimpleNamespace(_ahead=iter(frames), _index=index, n_frames=4, _next=0, _recent=OrderedDict())
+    assert ReadVideo._walk(of, 2) is frames[5]
+    assert (of._next, list(of._recent)) == (3, [1, 2])
+    assert ReadVideo._walk(of, 3) is frames[6]
+    assert list(of._recent) == [2, 3]
+    assert ReadVideo._walk(of, 4) is None
+    assert of._ahead is None

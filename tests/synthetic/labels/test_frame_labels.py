@@ -1,8 +1,15 @@
 """What one instrument sees where the other looks: by hand."""
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
+import xarray as xr
 
+from endoct.synthetic.endoscope.camera import PixelMaps
+from endoct.synthetic.labels import frame_labels
 from endoct.synthetic.labels.frame_labels import _squarest_frame, ascans_of_places, cartesian_mm, nearest_places
 from endoct.synthetic.labels.pullback_labels import Pullback
 
@@ -45,3 +52,39 @@ def test_the_same_place_is_the_nearest_within_a_twentieth_of_a_millimetre() -> N
 def test_the_squarest_frame_is_the_one_whose_middle_is_nearest() -> None:
     z_mm = np.array([0.0, 0.16, 0.29, 0.31, 0.7, 1.11])
     assert _squarest_frame(np.array([0.6, 0.2, 1.0]), 0.25, z_mm).tolist() == [-1, 1, 1, 1, 0, 2]
+
+
+def test_frames_and_ascans_that_see_one_place_name_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two frames of 3 × 8 pixels, one for each A-scan of three slices; in frame 1 the last row is hidden."""
+    of = pullback([1.0, 1.2, 1.4], 0.5, 1)
+    of.radius_mm[:] = 2.0 + 0.1 * np.arange(N_ASCANS)
+    frames_z_mm = 1.0, 1.35  # the squarest of slices 0, and 1 and 2
+    cell = np.repeat(np.array([[1], [0], [2]], np.int32), N_ASCANS, axis=1)
+
+    def maps(sample: object, wall: object, index: int) -> PixelMaps:
+        del sample, wall
+        valid = np.ones((3, N_ASCANS), np.bool_)
+        valid[2] = index == 0
+        z_mm, theta_rad = (np.where(valid, values, np.float32(np.nan)) for values in (of.z_mm, of.theta_rad))
+        obscured = np.zeros_like(valid)
+        obscured[0, 0] = True
+        return PixelMaps(z_mm, theta_rad, of.radius_mm - 1.9, np.where(valid, cell, 0), obscured, valid)
+
+    monkeypatch.setattr(frame_labels, "pixel_maps", maps)
+    monkeypatch.setattr(frame_labels, "noise_free", lambda *_: np.zeros((3, N_ASCANS), np.uint8))
+    contents = SimpleNamespace(lining=np.zeros(3))
+    camera = SimpleNamespace(z_mm=frames_z_mm, visible_length_mm=0.5, height_px=3, width_px=N_ASCANS)
+    wall = SimpleNamespace(radius_mm=1.9, scene=SimpleNamespace(contents=contents))
+    model: Any = SimpleNamespace(sample=SimpleNamespace(endoscope=camera), wall=wall, lighting=None)
+    shares: list[float] = []
+    pixels, per_cell = frame_labels.write_endoscope_labels(tmp_path, model, of, shares.append, 1)
+    labels = xr.open_zarr(tmp_path / "endoscope.zarr").load()
+    slices, ascans = np.indices((3, N_ASCANS))
+    np.testing.assert_allclose(labels.oct_slice[0], slices, atol=1e-4)
+    np.testing.assert_allclose(labels.oct_ascan[0], ascans, atol=0.01)
+    assert np.isnan(labels.oct_slice[1, 2]).all()
+    frame = np.repeat([[0], [1], [-1]], N_ASCANS, axis=1)  # slice 2 is nearest to frame 1, which does not show it
+    np.testing.assert_array_equal(pixels, np.where(frame >= 0, np.stack([frame, slices, ascans]), -1))
+    assert per_cell.tolist() == [2 * N_ASCANS, 2 * (N_ASCANS - 1), N_ASCANS]
+    np.testing.assert_array_equal(labels.cell_id[0], cell)
+    assert shares == [0.5, 1.0]

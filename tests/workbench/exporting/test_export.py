@@ -180,3 +180,9 @@ def test_a_full_disk_is_told_and_nothing_left(name: str, comparison: Path, small
         with pytest.raises(EndoctError, match=r"failed; found (No space left on device|the disk took only)"):
             export(comparison, small_disk / f"x{FORMATS[name].suffixes[0]}", to=name)  # type: ignore[arg-type, index]
         assert [path.name for path in small_disk.iterdir()] == ["thesis.tex"]
+
+
+def test_a_version_that_there_is_not_is_refused(panorama: Path, tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match="no such version of OME-Zarr"):
+        export(panorama, tmp_path / "x.ome.zarr", to="ome-zarr", version="0.3")  # type: ignore[arg-type]
+    assert not (tmp_path / "x.ome.zarr").exists()

@@ -11,6 +11,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.workbench.pipeline import simulating
 from endoct.workbench.pipeline.simulating import demonstrate, simulate
+from endoct.workbench.requests import SimulateRequest
 from endoct.workbench.running.outputs import SPECIMEN
 from endoct.workbench.running.progress import Advance, SilentStages
 
@@ -90,3 +91,31 @@ def test_nothing_is_left_of_a_result_that_fails_but_what_was_there(tmp_path: Pat
     with pytest.raises(EndoctError, match="it cannot be"):
         demonstrated(tmp_path / "demo", overwrite=True, fails=True)
     assert (tmp_path / "demo" / "result" / "a.txt").read_text() == "comparison"
+
+
+PLACES = {"entry_mm": (1.0, 2.0, 3.0), "target_mm": (1.0, 2.0, 23.0)}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"bone": "ct.nrrd"}, "where to drill"),
+        ({"bone": "ct.nrrd", "entry_mm": PLACES["entry_mm"]}, "where to drill"),
+        ({"bone": "ct.nrrd", "target_mm": PLACES["target_mm"]}, "where to drill"),
+        (PLACES, "what to drill into"),
+        ({"bone_hu": 300.0}, "what to drill into"),
+        ({"bone": "ct.nrrd", "replay": "sample.json", **PLACES}, "has its bone already"),
+    ],
+)
+def test_a_bone_to_drill_and_where_go_together(options: dict[str, Any], said: str, tmp_path: Path) -> None:
+    with pytest.raises(EndoctError, match=said):
+        simulating._volume(SimulateRequest(output=tmp_path / "out", **options))
+
+
+def test_a_bone_is_drilled_from_the_entry_to_the_target(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("endoct.synthetic.bone.patient.stated_volume", lambda *args, **options: (args, options))
+    asked = SimulateRequest(output=tmp_path / "out", bone="ct.nrrd", bone_hu=300.0, coordinates="lps", **PLACES)
+    made: Any = simulating._volume(asked)
+    assert made[0] == (Path("ct.nrrd"), (PLACES["entry_mm"], PLACES["target_mm"]))
+    assert (made[1]["bone_hu"], made[1]["coordinates"]) == (300.0, "lps")
+    assert simulating._volume(SimulateRequest(output=tmp_path / "out")) is None

@@ -83,6 +83,7 @@ def test_solid_bone_is_3(command: Command, case: PoseCase, tmp_path: Path) -> No
         (["{camera}", "--ct", "{ct}", "{plan}", "--seen", "5"], "found --seen"),
         (["--plan-only", "--ct", "{ct}", "{plan}", "--seen", "50"], "so much of the bore cannot be seen"),
         (["--plan-only", "--ct", "{ct}", "{plan}", "--radius", "0"], "there is no such bore"),
+        (["--plan-only", "--ct", "{ct}", "{plan}", "--radius", "5.1"], "found a radius of 5.1 mm; expected 0.3 to 5"),
         (["--plan-only", "--ct", "{ct}"], "not said where the bore was planned"),
     ],
 )

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -106,3 +107,17 @@ def test_a_signal_after_a_command_is_nobodys_business() -> None:
         pass
     assert signal.set_wakeup_fd(-1) == -1
     assert not ended
+
+
+@pytest.mark.parametrize(("came", "ends"), [((signal.SIGCHLD, signal.SIGINT), True), ((signal.SIGCHLD,), False)])
+def test_an_interrupt_behind_another_signal_ends_the_process(
+    came: tuple[int, ...], ends: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "PATIENCE_S", 0)
+    monkeypatch.setattr(interruption, "undo_all", lambda: done.append("undone"))
+    done: list[str] = []
+    reading, writing = socket.socketpair()
+    with writing:
+        writing.send(bytes(came))
+    interruption._end_after_signal(reading, lambda: done.append("ended"))
+    assert done == ["undone", "ended"] * ends

@@ -47,7 +47,7 @@ def disk(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     def match(here: Image, there: Image) -> Matched:
         with torch.inference_mode():
             of_b, of_a = described(here), described(there)
-            if min(len(of_a.keypoints), len(of_b.keypoints)) < 2:
+            if min(len(of_a.keypoints), len(of_b.keypoints)) < FEWEST_MATCHES:
                 return np.empty((0, 2)), np.empty((0, 2))
             _, pairs = match_smnn(of_b.descriptors, of_a.descriptors, RATIO)
         return _points(of_b.keypoints[pairs[:, 0]]), _points(of_a.keypoints[pairs[:, 1]])

@@ -60,6 +60,17 @@ def test_a_still_specular_ring_is_not_taken_for_the_rim() -> None:
     assert_is_true(find_ring(frames).annulus)
 
 
+def test_a_still_reflection_inside_the_rim_is_followed_while_the_rim_is_where_the_wall_ends() -> None:
+    y, x = np.mgrid[:240, :320].astype(float)
+    within = np.hypot(x - TRUE.outer_x_px, y - TRUE.outer_y_px) - 85
+    glare = (0.8 * np.exp(-0.5 * (within / 8) ** 2) * (within <= 0)).astype(np.float32)
+    ring = find_ring([np.clip(frame(k, wall=0.12) + glare, 0, 1) for k in range(8)])
+    assert ring.handle is not None
+    assert ring.handle.radius_px == pytest.approx(85, abs=0.5)
+    assert ring.annulus.outer_px == pytest.approx(TRUE.outer_px, abs=2)
+    assert ring.annulus.inner_px == pytest.approx(TRUE.inner_px, abs=2)
+
+
 def test_where_light_and_movement_agree_light_places_the_rims() -> None:
     frames = [frame(k, tip=0.02) for k in range(6)]
     ring = find_ring(frames)

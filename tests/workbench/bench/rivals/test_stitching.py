@@ -28,7 +28,8 @@ def test_what_is_not_valid_is_prepared_as_nothing() -> None:
     strips, _ = stitching.cases(4, 0, EASY).given
     shown = np.ones(strips[0].valid.shape, np.bool_)
     shown[:5] = shown[:, 100:130] = False
-    dark = [replace(strip, valid=shown, intensity=np.where(shown, strip.intensity, np.float32(0))) for strip in strips]
+    spoilt = [np.where(shown, strip.intensity, np.float32(strip.intensity.max())) for strip in strips]
+    dark = [replace(strip, valid=shown, intensity=intensity) for strip, intensity in zip(strips, spoilt, strict=True)]
     prepared_dark = prepared(dark)
     assert not prepared_dark[:, ~shown].any()
     assert np.abs(prepared_dark - prepared(strips))[:, shown].max() < 0.2

@@ -1,0 +1,35 @@
+"""What `endoct open` says as it ends: which runs go on without it."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from endoct.workbench.commands.opening import open_folder
+from endoct.workbench.desk.runs import Queue
+
+
+@pytest.mark.parametrize(
+    ("states", "said"),
+    [
+        (["running", "waiting", "done", "failed"], ["1 of 2 runs go on"]),
+        (["waiting", "waiting"], ["0 of 2 runs go on"]),
+        (["running"], ["1 of 1 runs go on"]),
+        (["done", "lost"], []),
+    ],
+)
+def test_runs_that_go_on_are_counted(
+    states: list[str],
+    said: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("endoct.workbench.desk.state.user_state_path", lambda *_, **__: tmp_path / "state")
+    monkeypatch.setattr("endoct.workbench.page.serving.run_server", lambda app, host, port, say: say("http://here/"))
+    monkeypatch.setattr(Queue, "runs", lambda _: [SimpleNamespace(state=state) for state in states])
+    assert open_folder(tmp_path, no_browser=True) == 0
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first.startswith("http://here/")
+    assert f" shows {tmp_path}; Ctrl+C ends it" in " ".join([first, *rest])
+    assert [line.split("; ")[0] for line in rest if "runs go on" in line] == said
