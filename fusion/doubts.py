@@ -131,10 +131,11 @@ def doubts_of_parts(parts: Sequence[LoosePart], of: str) -> Iterator[Doubt]:
 def doubts_of_step(step: Step | None, of: str) -> Iterator[Doubt]:
     """Yield the doubt about a ``step`` of side ``of`` along the bore."""
     if step is not None:
-        cause = "lost" if step.along_mm > 0 else "doubled"
+        cause, other = ("lost", "doubled") if step.along_mm > 0 else ("doubled", "lost")
         what = (
             f"From about z = {step.at_mm:.1f} mm on, the wall of {of} fits best {step.along_mm:+.2f} mm farther along "
-            f"the bore than before it. Slices or frames may be {cause} there, or the feed slipped."
+            f"the bore than before it. Its slices or frames may be {cause} there, or the other side's {other}, or the "
+            "feed slipped."
         )
         found = abs(step.along_mm)
         yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, LEAST_STEP_MM))

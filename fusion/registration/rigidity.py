@@ -236,9 +236,9 @@ def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[
     """Return the parts of the wall that do not lie where ``alignment`` puts B on A, the farthest off first."""
     one, two = in_one_frame(clipped(a), clipped(b), alignment, FARTHEST_MM)
     parts = [
-        *_displaced(bands(one, two, NEAR), NEAR),
-        *_displaced(bands(one, two, FAR), FAR),
-        *_displaced(_sectors(one, two, NEAR), NEAR),
+        *_displaced(bands(one, two, NEAR), NEAR, (one, two)),
+        *_displaced(bands(one, two, FAR), FAR, (one, two)),
+        *_displaced(_sectors(one, two, NEAR), NEAR, (one, two)),
         *_exchanged(list(bands(one, two, EXCHANGED))),
         *_turned(one, two),
     ]
@@ -253,7 +253,6 @@ class FittedPart:
     first: float
     last: float
     fit: PartFit
-    lone: bool = False  # whether it shows a single cell
 
     @property
     def part(self) -> LoosePart:
@@ -270,8 +269,7 @@ def bands(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
     for first in range(first_row, a.z_mm.size - first_row - tall + 1, max(1, tall // look.dense)):
         around = slice(first - margin, first + tall + margin)
         fit = fit_part(rows_of(a, around), part_of(rows_of(b, around), band), look.reach_mm, look.reach_rad)
-        lone = any(_shows_one_cell(rows_of(each, slice(first, first + tall))) for each in (a, b))
-        yield FittedPart("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit, lone)
+        yield FittedPart("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit)
 
 
 def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
@@ -283,16 +281,21 @@ def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
         yield FittedPart("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
 
 
-def _displaced(parts: Iterator[FittedPart], look: Look) -> Iterator[LoosePart]:
+def _displaced(parts: Iterator[FittedPart], look: Look, both: tuple[Evidence, Evidence]) -> Iterator[LoosePart]:
     """Yield the parts that are sure of their place, each by itself, and fit best elsewhere."""
     for part in parts:
-        if part.fit.stands_out(clear=LONE_CLEAR if part.lone else look.clear, gain=look.better):
+        is_sure = part.fit.stands_out(clear=look.clear, gain=look.better)
+        if is_sure and (part.fit.correlation[0] >= LONE_CLEAR or not any(_shows_one_cell(part, each) for each in both)):
             yield part.part
 
 
-def _shows_one_cell(evidence: Evidence) -> bool:
-    """Whether ``evidence`` that knows what a cell is has one, or none."""
-    return evidence.knows_cells and label(evidence.valid & (evidence.values > CLIP[evidence.kind][1] / 2))[1] < 2
+def _shows_one_cell(part: FittedPart, evidence: Evidence) -> bool:
+    """Whether a band of ``evidence`` that knows what a cell is has one, or none."""
+    if part.kind != "band" or not evidence.knows_cells:
+        return False
+    first, last = np.searchsorted(evidence.z_mm, (part.first, part.last))
+    rows = rows_of(evidence, slice(int(first), int(last) + 1))
+    return label(rows.valid & (rows.values > CLIP[rows.kind][1] / 2))[1] < 2
 
 
 def _exchanged(bands: Sequence[FittedPart]) -> Iterator[LoosePart]:
