@@ -141,6 +141,22 @@ def doubts_of_step(step: Step | None, of: str) -> Iterator[Doubt]:
         yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, LEAST_STEP_MM))
 
 
+def doubts_of_bend(alignment: Alignment, of: str) -> Iterator[Doubt]:
+    """Yield the doubt about side ``of`` where its ``alignment`` had to bend along the bore."""
+    if (bend := alignment.bend) is None:
+        return
+    along_mm, roll_deg = (float(np.abs(part).max()) for part in (bend.shift_mm, np.degrees(bend.roll_rad)))
+    what = (
+        f"The wall of {of} bends along the bore: the alignment follows it by up to {along_mm:.2f} mm along and "
+        f"{roll_deg:.1f}° around, since that fits wall better that had no part in it. The feed or the rotation "
+        "slipped, or slices or frames were lost or doubled, on either side."
+    )
+    for at_mm, step_mm, roll_rad in bend.steps[:3]:
+        what += f" From z = {at_mm:.1f} mm on it lies {step_mm:+.2f} mm farther along, turned by "
+        what += f"{math.degrees(roll_rad):+.1f}°."
+    yield Doubt("bent-along-the-bore", what, side=of, value=along_mm, unit="mm", expected=0.0)
+
+
 def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: str) -> Iterator[Doubt]:
     """Yield what an alignment of ``b``, the side ``of``, says against orientations that the sidecars state."""
     if alignment.mirrored and a.handedness_known and b.handedness_known:

@@ -38,6 +38,7 @@ from endoct.fusion.geometry.alignment import (
     as_covariance,
 )
 from endoct.fusion.geometry.placement import IN_PLACE
+from endoct.fusion.registration.bending import find_bend
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import search
@@ -160,6 +161,8 @@ def align(
         refined = replace(refined, correlation=-refined.correlation)
     else:
         refined = refine(of_a, of_b, best, z_scale_range)
+    if believable(best):
+        refined = replace(refined, bend=find_bend(clipped(a), clipped(b), refined))
     return _corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
 
 

@@ -25,6 +25,7 @@ from endoct.base.numeric.peaks import vertex
 from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import CLIP, Evidence, clipped, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import rolled
 
 Spectra = NDArray[np.complex128]
 
@@ -75,10 +76,13 @@ def in_one_frame(a: Evidence, b: Evidence, alignment: Alignment, margin_mm: floa
 
     The grid has ``margin_mm`` more at either end, where nothing needs to be observed.
     """
+    if alignment.bend is not None:
+        roll_rad = alignment.roll_rad(b.z_mm) * (-1.0 if alignment.mirrored else 1.0)
+        values, valid = rolled(b.values, b.valid, roll_rad * b.values.shape[1] / (2 * np.pi))
+        b = replace(b, values=values, valid=valid)
     moved = reoriented(b, mirrored=alignment.mirrored, z_reversed=alignment.z_reversed, z_scale=alignment.z_scale)
-    moved = replace(
-        moved, z_mm=moved.z_mm + alignment.z_shift_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad
-    )
+    z_mm = np.sort(alignment.z_to_a(b.z_mm)) if alignment.bend else moved.z_mm + alignment.z_shift_mm
+    moved = replace(moved, z_mm=z_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad)
     first = max(a.z_mm[0], moved.z_mm[0]) - margin_mm
     last = min(a.z_mm[-1], moved.z_mm[-1]) + margin_mm
     z_mm = np.arange(first, last, STEP_MM)
