@@ -15,7 +15,7 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
+from endoct.fusion.registration.align import BELIEVABLE, CLEAR_RATIO, FARTHEST, RARE_CHANCE, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import LEAST_STEP_MM, Step
@@ -46,6 +46,12 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
             f"{alignment.confidence:.2f}; without force, alignments are accepted from {BELIEVABLE:g} on."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+    elif alignment.confidence < BELIEVABLE and alignment.ratio >= CLEAR_RATIO and alignment.chance <= RARE_CHANCE:
+        what = (
+            f"The two sides share little but the rims of their cells, which aligned them, with a confidence of "
+            f"{alignment.confidence:.2f}. Look at the cells of both before you rely on it."
+        )
+        yield Doubt("aligned-by-rims", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
 
 
 def doubts_by_method(alignment: Alignment, ours: Alignment | None, name: str, a: Side, b: Side) -> Iterator[Doubt]:

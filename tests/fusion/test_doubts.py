@@ -209,3 +209,11 @@ def test_a_bend_is_doubted_and_its_steps_are_said() -> None:
     assert "follows it by up to 0.60 mm along and 5.7° around" in doubt.what
     assert doubt.what.endswith("From z = 2.8 mm on it lies -0.70 mm farther along, turned by +5.7°.")
     assert outside(doubts_of_bend(ALIGNED, "oct")) == []
+
+
+@pytest.mark.parametrize(("ratio", "chance", "said"), [(1.4, 1e-5, True), (1.39, 1e-5, False), (1.4, 2e-5, False)])
+def test_an_alignment_by_rims_of_little_confidence_is_doubted(ratio: float, chance: float, said: bool) -> None:
+    by_rims = replace(ALIGNED, confidence=0.1, ratio=ratio, chance=chance)
+    assert [doubt.code for doubt in of_alignment(by_rims)] == ["aligned-by-rims"] * said
+    assert of_alignment(replace(by_rims, confidence=0.18)) == []
+    assert [doubt.code for doubt in of_alignment(by_rims, force=True)] == ["forced"]
