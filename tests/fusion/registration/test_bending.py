@@ -12,6 +12,7 @@ from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.registration import bending
 from endoct.fusion.registration.align import align
 from endoct.fusion.registration.bending import find_bend
+from endoct.fusion.registration.equations import Level
 from endoct.stitching.panorama import Panorama
 
 ROWS, ROW_MM = 45, 0.2
@@ -126,3 +127,19 @@ def test_what_does_not_explain_wall_left_out_is_no_bend(monkeypatch: pytest.Monk
 def test_sides_that_show_nothing_in_common_do_not_bend(pair: Pair) -> None:
     apart = replace(pair.truth, z_shift_mm=100.0)
     assert bend_of(pair, pair.b, apart) is None
+
+
+def test_a_quarter_of_the_directions_is_left_out_in_turn(monkeypatch: pytest.MonkeyPatch, pair: Pair) -> None:
+    shares = list[np.ndarray]()
+
+    def fit(_: Evidence, b: Evidence, __: Alignment, levels: list[Level], *, jumping: bool) -> None:
+        del jumping
+        shares.append(b.valid.mean(axis=0))
+        assert all(of.coarse.valid.mean() == pytest.approx(b.valid.mean(), abs=0.02) for of in levels)
+
+    monkeypatch.setattr(bending, "_fit", fit)
+    assert bend_of(pair, pair.b) is None
+    assert len(shares) == 8  # with jumps and without
+    for four in (shares[:4], shares[4:]):
+        assert [share.mean() for share in four] == pytest.approx([0.75] * 4, abs=0.06)
+        assert np.stack(four).sum(axis=0) == pytest.approx(3.0)
