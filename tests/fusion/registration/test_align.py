@@ -157,3 +157,14 @@ def test_cells_that_are_lit_as_often_as_dark_are_aligned_by_their_rims() -> None
     assert found.bend is None
     other = make_pair(5, rows=45, other_bore=True)
     assert isinstance(align(lit(other, 1), prepare(other.b)), NotAligned)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "chance", "is_believed"), [(1.4, 1e-5, True), (1.39, 1e-5, False), (1.4, 1.1e-5, False)]
+)
+def test_a_place_by_rims_of_little_confidence_must_be_clear(
+    monkeypatch: pytest.MonkeyPatch, pair: Pair, ratio: float, chance: float, is_believed: bool
+) -> None:
+    best = replace(pair.truth, confidence=0.05, correlation=0.2, ratio=ratio, chance=chance)
+    monkeypatch.setattr("endoct.fusion.registration.align.search", lambda *_: best)
+    assert isinstance(align(prepare(pair.a), prepare(pair.b)), Alignment) == is_believed
