@@ -48,7 +48,8 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     pose_a, pose_b = true_pose(a, truth), true_pose(b, truth)
 
     def fine(pose: TruePose, where: Alignment) -> Mask:
-        return _cells_at(truth, pose.z_bore(where.z_to_b(grid.z_mm)), pose.theta_bore(where.theta_to_b(grid.theta_rad)))
+        theta_rad = where.rigid.theta_to_b(grid.theta_rad)
+        return _cells_at(truth, pose.z_bore(where.z_to_b(grid.z_mm)), pose.theta_bore(theta_rad))
 
     def sampled(side: Panorama, pose: TruePose, where: Alignment) -> Mask:
         mask = true_cells(truth, pose, side)
@@ -60,7 +61,7 @@ def evaluate(specimen: Path, cache: Path) -> dict[str, float | str]:
     z_true_mm, theta_rad = true.z_to_a(b.z_mm), b.grid.theta_rad
     shared = np.isfinite(z_true_mm)
     error_mm = alignment.z_to_a(b.z_mm[shared]) - z_true_mm[shared]
-    turn_rad = float(np.median(wrap_rad(alignment.theta_to_a(theta_rad) - true.theta_to_a(theta_rad))))
+    turn_rad = float(np.median(wrap_rad(alignment.theta_to_a(theta_rad, b.z_mm[:, None]) - true.theta_to_a(theta_rad))))
     covariance = np.array(alignment.covariance)
     lever = np.array([0, 1, b.z_mm[shared].mean() * (-1 if alignment.z_reversed else 1)])
     budget, overlap = comparison.result.budget, comparison.result.jaccard

@@ -112,10 +112,11 @@ def _rows(evidence: Evidence, z_mm: Coordinates, reach: tuple[float, float]) -> 
 def _is_right(alignment: Alignment, true: TrueMap, z_b_mm: Coordinates) -> bool:
     theta_rad = np.linspace(0, 2 * np.pi, 32)
     off_mm = alignment.z_to_a(z_b_mm) - true.z_to_a(z_b_mm)
+    turned_rad = alignment.theta_to_a(theta_rad, z_b_mm[:, None])
     return bool(
         alignment.mirrored == true.mirrored
         and alignment.z_reversed == true.z_reversed(z_b_mm)
-        and abs(np.median(wrap_rad(alignment.theta_to_a(theta_rad) - true.theta_to_a(theta_rad)))) < RIGHT_RAD
+        and abs(np.median(wrap_rad(turned_rad - true.theta_to_a(theta_rad)))) < RIGHT_RAD
         and abs(np.nanmedian(off_mm)) < RIGHT_MM
     )
 

@@ -16,6 +16,7 @@ from endoct.fusion.doubts import (
     doubts_by_hand,
     doubts_by_method,
     doubts_of_alignment,
+    doubts_of_bend,
     doubts_of_largest_cell,
     doubts_of_orientation,
     doubts_of_parts,
@@ -105,6 +106,8 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
     note = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     outcome = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
+    if parameters.correct_twist and outcome.alignment:
+        outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
     doubts: tuple[Doubt, ...] = ()
     if (name := parameters.alignment_method) != OURS:
         ours, outcome = outcome, align_by_method(a, b, name)
@@ -162,7 +165,7 @@ def _held_together(
     """Return what speaks against one rigid place, and the overlaps besides that on the common grid, by key."""
     a, b = placed.both
     bent = tuple(doubts_of_parts(parts_out_of_place(a.evidence, b.evidence, alignment), b.name))
-    if not bent:
+    if not bent and alignment.bend is None:
         bent = tuple(doubts_of_step(step_along(a.evidence, b.evidence, alignment), b.name))
     own_rows = on_own_rows(placed.both, (placed.cells[0].mask, placed.cells[1].mask), alignment)
     return bent, {"own_rows": own_rows, "by_li": by_li(placed, parameters)}
@@ -221,6 +224,7 @@ def _doubts_of_alignment(
             farther = fit_stretched(a.evidence, b.evidence, orientation, searched)
             yield from doubts_of_scale(alignment, farther, parameters, a, b)
     yield from doubts_of_largest_cell(max(largest_cell_share(side.evidence) for side in (a, b)))
+    yield from doubts_of_bend(alignment, b.name)
     yield from doubts_of_orientation(alignment, a.panorama, b.panorama, b.name)
     yield from bent
 

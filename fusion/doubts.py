@@ -15,7 +15,7 @@ from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import BELIEVABLE, FARTHEST, remedies
+from endoct.fusion.registration.align import BELIEVABLE, CLEAR_RATIO, FARTHEST, RARE_CHANCE, remedies
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import LEAST_STEP_MM, Step
@@ -46,6 +46,12 @@ def doubts_of_alignment(alignment: Alignment, parameters: CompareParameters) -> 
             f"{alignment.confidence:.2f}; without force, alignments are accepted from {BELIEVABLE:g} on."
         )
         yield Doubt("forced", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
+    elif alignment.confidence < BELIEVABLE and alignment.ratio >= CLEAR_RATIO and alignment.chance <= RARE_CHANCE:
+        what = (
+            f"The two sides share little but the rims of their cells, which aligned them, with a confidence of "
+            f"{alignment.confidence:.2f}. Look at the cells of both before you rely on it."
+        )
+        yield Doubt("aligned-by-rims", what, value=alignment.confidence, unit="1", expected=(BELIEVABLE, 1.0))
 
 
 def doubts_by_method(alignment: Alignment, ours: Alignment | None, name: str, a: Side, b: Side) -> Iterator[Doubt]:
@@ -131,13 +137,30 @@ def doubts_of_parts(parts: Sequence[LoosePart], of: str) -> Iterator[Doubt]:
 def doubts_of_step(step: Step | None, of: str) -> Iterator[Doubt]:
     """Yield the doubt about a ``step`` of side ``of`` along the bore."""
     if step is not None:
-        cause = "lost" if step.along_mm > 0 else "doubled"
+        cause, other = ("lost", "doubled") if step.along_mm > 0 else ("doubled", "lost")
         what = (
             f"From about z = {step.at_mm:.1f} mm on, the wall of {of} fits best {step.along_mm:+.2f} mm farther along "
-            f"the bore than before it. Slices or frames may be {cause} there, or the feed slipped."
+            f"the bore than before it. Its slices or frames may be {cause} there, or the other side's {other}, or the "
+            "feed slipped."
         )
         found = abs(step.along_mm)
         yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, LEAST_STEP_MM))
+
+
+def doubts_of_bend(alignment: Alignment, of: str) -> Iterator[Doubt]:
+    """Yield the doubt about side ``of`` where its ``alignment`` had to bend along the bore."""
+    if (bend := alignment.bend) is None:
+        return
+    along_mm, roll_deg = (float(np.abs(part).max()) for part in (bend.shift_mm, np.degrees(bend.roll_rad)))
+    what = (
+        f"The wall of {of} bends along the bore: the alignment follows it by up to {along_mm:.2f} mm along and "
+        f"{roll_deg:.1f}° around, since that fits wall better that had no part in it. The feed or the rotation "
+        "slipped, or slices or frames were lost or doubled, on either side."
+    )
+    for at_mm, step_mm, roll_rad in bend.steps[:3]:
+        what += f" From z = {at_mm:.1f} mm on it lies {step_mm:+.2f} mm farther along, turned by "
+        what += f"{math.degrees(roll_rad):+.1f}°."
+    yield Doubt("bent-along-the-bore", what, side=of, value=along_mm, unit="mm", expected=0.0)
 
 
 def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: str) -> Iterator[Doubt]:

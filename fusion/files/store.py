@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import plain_name, spreadsheet_text
-from endoct.base.files.json_values import an_object, number
+from endoct.base.files.json_values import a_list, an_object, number
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
 from endoct.fusion.files.result_file import read_result
-from endoct.fusion.geometry.alignment import Alignment, as_covariance
+from endoct.fusion.geometry.alignment import Alignment, Bend, as_covariance
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import IMAGES, Comparison, PlacedSide
@@ -252,7 +252,7 @@ def _alignment(stored: object, of: str) -> Alignment:
     """Return the alignment that was ``stored``, every number finite."""
     of = f"the alignment of {of}"
     values = dict(an_object(stored, of))
-    covariance = values.pop("covariance", None)
+    covariance, bend = values.pop("covariance", None), values.pop("bend", None)
     for field in fields(Alignment):
         if field.name not in values:
             continue
@@ -266,4 +266,12 @@ def _alignment(stored: object, of: str) -> Alignment:
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
             raise EndoctError(f"'covariance' of {of} cannot be used", expected="3 × 3 finite numbers")
         covariance = as_covariance(matrix)
-    return Alignment(**values, covariance=covariance)
+    return Alignment(**values, covariance=covariance, bend=None if bend is None else _bend(bend, of))
+
+
+def _bend(stored: object, of: str) -> Bend:
+    parts = an_object(stored, f"the bend of {of}")
+    kinds = {field.name: a_list(parts, field.name, of) for field in fields(Bend)}
+    return Bend(
+        **{kind: tuple(number({kind: one}, kind, -LARGEST, LARGEST, of) for one in kinds[kind]) for kind in kinds}
+    )

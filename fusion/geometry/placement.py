@@ -118,6 +118,19 @@ def _row_across(row: Image, valid: Mask, across: tuple[NDArray[np.int32], Image]
             known[column] += weights[k, column] * observed[taps[k, column]]
 
 
+def rolled(image: Image, valid: Mask, by_columns: Coordinates) -> tuple[Image, Mask]:
+    """Return (image, valid) with each row moved on along θ by that many columns, (n_z,), interpolated linearly."""
+    n_theta = image.shape[1]
+    at = np.arange(n_theta) - by_columns[:, np.newaxis]
+    left = np.floor(at)
+    aside = (at - left).astype(np.float32)
+    before = np.mod(left, n_theta).astype(np.intp)
+    after = np.where(before == n_theta - 1, 0, before + 1)
+    one, two = (np.take_along_axis(image, columns, axis=1) for columns in (before, after))
+    known = np.take_along_axis(valid, before, axis=1) & ((aside == 0) | np.take_along_axis(valid, after, axis=1))
+    return np.where(known, one + (two - one) * aside, np.float32(0)), known
+
+
 def _index_of(z_mm: Coordinates, from_mm: Coordinates, spacing_mm: float, index: Coordinates) -> Coordinates:
     """Return the fractional row index of ``z_mm``, continued with the nominal spacing beyond the ends."""
     inner = np.interp(z_mm, from_mm, index)
@@ -160,7 +173,9 @@ class Placement:
         self._sample_mm = from_grid.dz_mm, from_grid.dtheta_mm
         self._refines = to_mm.size > 1 and spacing_mm > 1.5 * float(np.median(np.diff(to_mm)))
         self._rows = row_weights(from_mm, spacing_mm, to_mm, row_extent_mm)
-        old_columns = from_grid.column_of(alignment.theta_to_b(to_grid.theta_rad))
+        old_columns = from_grid.column_of(alignment.rigid.theta_to_b(to_grid.theta_rad))
+        roll_rad = (-1.0 if alignment.mirrored else 1.0) * alignment.roll_rad(from_grid.z_mm)
+        self._rolled = None if alignment.bend is None else roll_rad[self._flip] / from_grid.dtheta_rad
         self._columns = column_weights(from_grid.n_theta, old_columns, from_grid.n_theta / to_grid.n_theta)
 
     @classmethod
@@ -170,7 +185,10 @@ class Placement:
 
     def image(self, image: Image, valid: Mask) -> tuple[Image, Mask]:
         """Return (image, valid) on the new grid, from valid samples only."""
-        return resample(image[self._flip], valid[self._flip], self._rows, self._columns)
+        image, valid = image[self._flip], valid[self._flip]
+        if self._rolled is not None:
+            image, valid = rolled(image, valid, self._rolled)
+        return resample(image, valid, self._rows, self._columns)
 
     def known(self, image: Image, valid: Mask, *, at_least: float = 0.5) -> Image:
         """Return ``image`` on the new grid, NaN where less than the share ``at_least`` of a sample was observed."""

@@ -24,6 +24,7 @@ from endoct.fusion.geometry.alignment import (
     Alignment,
     LandmarkPair,
     Orientation,
+    Place,
     Role,
     SearchOutcome,
     as_covariance,
@@ -189,9 +190,11 @@ def align_by_hand(a: Side, b: Side, automatic: SearchOutcome, pairs: Sequence[La
 def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: KnownBore) -> PairFit:
     own = automatic.mirrored, automatic.z_reversed
     scale = replace(bore.scale, value=automatic.z_scale)
+    bend = None
     if automatic.covariance and not _contradict(pairs, automatic, bore.radius_mm):
-        scale = replace(scale, variance=automatic.covariance[2][2])
-    fit = fit_pairs(pairs, own, bore.radius_mm, scale)
+        scale, bend = replace(scale, variance=automatic.covariance[2][2]), automatic.bend
+    fit = fit_pairs(_straightened(pairs, automatic) if bend else pairs, own, bore.radius_mm, scale)
+    fit = replace(fit, alignment=replace(fit.alignment, bend=bend))
     if len(pairs) < FEWEST_FOR_ORIENTATION:
         return fit
     best = min(_in_every_orientation(pairs, ALL_ORIENTATIONS, bore), key=lambda one: one.chi2)
@@ -206,6 +209,16 @@ def _corrected(pairs: Sequence[LandmarkPair], automatic: Alignment, bore: KnownB
         expected=f"B {orientation_text(own)}",
         remedy=f"{CHECK_PAIRS}, or correct handedness and travel in the sidecars",
     )
+
+
+def _straightened(pairs: Sequence[LandmarkPair], bent: Alignment) -> list[LandmarkPair]:
+    """Return ``pairs`` with their places on B where the rigid part of ``bent`` puts them as that itself does."""
+    b = columns(pairs)[1]
+    theta_rad = bent.rigid.theta_to_b(bent.theta_to_a(b[:, 0], b[:, 1]))
+    z_mm = bent.rigid.z_to_b(bent.z_to_a(b[:, 1]))
+    return [
+        replace(pair, b=Place(float(theta), float(z))) for pair, theta, z in zip(pairs, theta_rad, z_mm, strict=True)
+    ]
 
 
 def _contradict(pairs: Sequence[LandmarkPair], automatic: Alignment, radius_mm: float) -> bool:

@@ -70,6 +70,7 @@ class _Overlap:
     from_middle_mm: Image
     middle_mm: float
     patch_of_row: NDArray[np.intp]
+    rows: NDArray[np.intp]
 
     def blocks(self) -> Iterator[slice]:
         """Yield the rows of one block after the other."""
@@ -106,8 +107,8 @@ class Equations:
         """Return how residuals pull on every unknown, summed over each patch of wall that has any, (k, n)."""
         overlap, residual, k = self.residuals.overlap, self.residuals.values, self.slope.size
         n_theta = residual.shape[1]
-        n_around = max(3, round(2 * np.pi * radius_mm / PATCH_MM))
-        starts = -(-np.arange(n_around) * n_theta // n_around)
+        starts = _starts(n_theta, radius_mm)
+        n_around = starts.size
         total = np.zeros((int(overlap.patch_of_row[-1]) + 1, k, n_around))
         counted = np.zeros((total.shape[0], n_around))
         for rows in overlap.blocks():
@@ -146,12 +147,8 @@ def equations(of: Level, fit: Bending) -> Equations | None:
     if fitted is None:
         return None
     tone, correlation = fitted
-    rising = tone[1:] * np.arange(1, of.degree + 1) / of.spread
-    residual = np.empty_like(overlap.value)
-    for rows in overlap.blocks():
-        residual[rows] = overlap.target[rows] - _polynomial(overlap.value[rows], tone)
-    size = robust_sigma(residual if overlap.use is None else residual[overlap.use]) + 1e-6
-    residuals = _Residuals(overlap, residual, rising, size)
+    residuals = _residuals(overlap, tone, of)
+    residual = residuals.values
     n_bends = fit.bends.size
     k = MOVES + n_bends + of.degree + 1
     normal, slope, cost = np.zeros((k, k)), np.zeros(k), 0.0
@@ -175,6 +172,69 @@ def equations(of: Level, fit: Bending) -> Equations | None:
     return Equations(normal, slope, overlap.middle_mm, correlation, residuals)
 
 
+@dataclass(frozen=True, eq=False)
+class RowEquations:
+    """What each of n rows of the coarse side says of its turn and shift alone, ``n_around`` patches to a row.
+
+    ``rows`` are their indices, (n,). ``normal`` is (n, 2, 2) and ``pulls`` (n, n_around, 2), of turn and shift.
+    ``cost`` is Huber's of the residuals, in units of their ``size``, (n, n_around).
+    """
+
+    rows: NDArray[np.intp]
+    normal: Coordinates
+    pulls: Coordinates
+    cost: Coordinates
+    size: float
+
+
+def row_equations(of: Level, alignment: Alignment, size: float | None = None) -> RowEquations | None:
+    """Return the equations of each row as ``alignment`` places it; None where :func:`equations` has none.
+
+    ``size`` is how large residuals typically are; without it, it is taken from them.
+    """
+    fit = Bending(alignment, np.zeros(1 + 2 * WAVES))
+    overlap = _overlap(of, fit)
+    if overlap is None or overlap.count < FEWEST_SAMPLES:
+        return None
+    fitted = _tone(overlap, of.degree)
+    if fitted is None:
+        return None
+    residuals = _residuals(overlap, fitted[0], of, size)
+    n = overlap.rows.size
+    starts = patches_around(of.coarse)
+    n_around = starts.size
+    normal, pulls, cost = np.zeros((n, 2, 2)), np.zeros((n, n_around, 2)), np.zeros((n, n_around))
+    for rows in overlap.blocks():
+        effects, weight = _effects(residuals, rows, MOVES + fit.bends.size + of.degree + 1)
+        residual, effects = residuals.values[rows], effects[:2]
+        normal[rows] = np.einsum("irc,jrc,rc->rij", effects, effects, weight, dtype=np.float64)
+        pulls[rows] = np.add.reduceat(effects * (weight * residual), starts, axis=2).transpose(1, 2, 0)
+        # Huber's cost in units of its bound: x² up to it, 2x − 1 beyond
+        off = np.abs(residual) / np.float32(2 * residuals.size)
+        huber = np.where(off < 1, off**2, 2 * off - 1) * (weight > 0)
+        cost[rows] = np.add.reduceat(huber, starts, axis=1)
+    return RowEquations(overlap.rows, normal, pulls, cost, residuals.size)
+
+
+def patches_around(evidence: Evidence) -> NDArray[np.intp]:
+    """Return the first column of each patch around the bore, (n_around,)."""
+    return _starts(evidence.values.shape[1], evidence.radius_mm)
+
+
+def _starts(n_theta: int, radius_mm: float) -> NDArray[np.intp]:
+    n_around = max(3, round(2 * np.pi * radius_mm / PATCH_MM))
+    return np.asarray(-(-np.arange(n_around) * n_theta // n_around), dtype=np.intp)
+
+
+def _residuals(overlap: _Overlap, tone: Coordinates, of: Level, size: float | None = None) -> _Residuals:
+    rising = tone[1:] * np.arange(1, of.degree + 1) / of.spread
+    residual = np.empty_like(overlap.value)
+    for rows in overlap.blocks():
+        residual[rows] = overlap.target[rows] - _polynomial(overlap.value[rows], tone)
+    size = size or robust_sigma(residual if overlap.use is None else residual[overlap.use]) + 1e-6
+    return _Residuals(overlap, residual, rising, size)
+
+
 def _overlap(of: Level, fit: Bending) -> _Overlap | None:
     """Return the fine side interpolated where samples of the coarse one meet it; None where none does."""
     fine, coarse, alignment = of.fine, of.coarse, fit.alignment
@@ -188,8 +248,9 @@ def _overlap(of: Level, fit: Bending) -> _Overlap | None:
     from_middle_mm = along_mm - middle_mm
     theta_rad = coarse.theta0_rad + 2 * np.pi / n_columns * np.arange(n_columns)
     around = waves(theta_rad)
-    column = (alignment.theta_to_a(theta_rad) + fit.bends[1:] @ around - fine.theta0_rad) * n_theta / (2 * np.pi)
-    further = fit.bends[0] * from_middle_mm * n_theta / (2 * np.pi)
+    column = (alignment.rigid.theta_to_a(theta_rad) + fit.bends[1:] @ around - fine.theta0_rad) * n_theta / (2 * np.pi)
+    roll_rad = fit.bends[0] * from_middle_mm + alignment.roll_rad(coarse.z_mm[met])
+    further = roll_rad * n_theta / (2 * np.pi)
     above = np.clip(np.floor(row[met]).astype(np.intp), 0, max(n_z - 2, 0))
     below = np.minimum(above + 1, n_z - 1)
     down = (row[met] - above).astype(np.float32)[:, np.newaxis]
@@ -223,6 +284,7 @@ def _overlap(of: Level, fit: Bending) -> _Overlap | None:
         from_middle_mm=from_middle_mm.astype(np.float32),
         middle_mm=middle_mm,
         patch_of_row=((coarse.z_mm[met] - coarse.z_mm[0]) / PATCH_MM).astype(np.intp),
+        rows=met,
     )
 
 

@@ -25,6 +25,7 @@ from endoct.base.numeric.peaks import vertex
 from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import CLIP, Evidence, clipped, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import rolled
 
 Spectra = NDArray[np.complex128]
 
@@ -75,10 +76,13 @@ def in_one_frame(a: Evidence, b: Evidence, alignment: Alignment, margin_mm: floa
 
     The grid has ``margin_mm`` more at either end, where nothing needs to be observed.
     """
+    if alignment.bend is not None:
+        roll_rad = alignment.roll_rad(b.z_mm) * (-1.0 if alignment.mirrored else 1.0)
+        values, valid = rolled(b.values, b.valid, roll_rad * b.values.shape[1] / (2 * np.pi))
+        b = replace(b, values=values, valid=valid)
     moved = reoriented(b, mirrored=alignment.mirrored, z_reversed=alignment.z_reversed, z_scale=alignment.z_scale)
-    moved = replace(
-        moved, z_mm=moved.z_mm + alignment.z_shift_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad
-    )
+    z_mm = np.sort(alignment.z_to_a(b.z_mm)) if alignment.bend else moved.z_mm + alignment.z_shift_mm
+    moved = replace(moved, z_mm=z_mm, theta0_rad=moved.theta0_rad + alignment.theta_shift_rad)
     first = max(a.z_mm[0], moved.z_mm[0]) - margin_mm
     last = min(a.z_mm[-1], moved.z_mm[-1]) + margin_mm
     z_mm = np.arange(first, last, STEP_MM)
@@ -236,9 +240,9 @@ def parts_out_of_place(a: Evidence, b: Evidence, alignment: Alignment) -> tuple[
     """Return the parts of the wall that do not lie where ``alignment`` puts B on A, the farthest off first."""
     one, two = in_one_frame(clipped(a), clipped(b), alignment, FARTHEST_MM)
     parts = [
-        *_displaced(bands(one, two, NEAR), NEAR),
-        *_displaced(bands(one, two, FAR), FAR),
-        *_displaced(_sectors(one, two, NEAR), NEAR),
+        *_displaced(bands(one, two, NEAR), NEAR, (one, two)),
+        *_displaced(bands(one, two, FAR), FAR, (one, two)),
+        *_displaced(_sectors(one, two, NEAR), NEAR, (one, two)),
         *_exchanged(list(bands(one, two, EXCHANGED))),
         *_turned(one, two),
     ]
@@ -253,7 +257,6 @@ class FittedPart:
     first: float
     last: float
     fit: PartFit
-    lone: bool = False  # whether it shows a single cell
 
     @property
     def part(self) -> LoosePart:
@@ -270,8 +273,7 @@ def bands(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
     for first in range(first_row, a.z_mm.size - first_row - tall + 1, max(1, tall // look.dense)):
         around = slice(first - margin, first + tall + margin)
         fit = fit_part(rows_of(a, around), part_of(rows_of(b, around), band), look.reach_mm, look.reach_rad)
-        lone = any(_shows_one_cell(rows_of(each, slice(first, first + tall))) for each in (a, b))
-        yield FittedPart("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit, lone)
+        yield FittedPart("band", float(a.z_mm[first]), float(a.z_mm[first + tall - 1]), fit)
 
 
 def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
@@ -283,16 +285,21 @@ def _sectors(a: Evidence, b: Evidence, look: Look) -> Iterator[FittedPart]:
         yield FittedPart("sector", first * step_rad, (first + wide) * step_rad % (2 * np.pi), fit)
 
 
-def _displaced(parts: Iterator[FittedPart], look: Look) -> Iterator[LoosePart]:
+def _displaced(parts: Iterator[FittedPart], look: Look, both: tuple[Evidence, Evidence]) -> Iterator[LoosePart]:
     """Yield the parts that are sure of their place, each by itself, and fit best elsewhere."""
     for part in parts:
-        if part.fit.stands_out(clear=LONE_CLEAR if part.lone else look.clear, gain=look.better):
+        is_sure = part.fit.stands_out(clear=look.clear, gain=look.better)
+        if is_sure and (part.fit.correlation[0] >= LONE_CLEAR or not any(_shows_one_cell(part, each) for each in both)):
             yield part.part
 
 
-def _shows_one_cell(evidence: Evidence) -> bool:
-    """Whether ``evidence`` that knows what a cell is has one, or none."""
-    return evidence.knows_cells and label(evidence.valid & (evidence.values > CLIP[evidence.kind][1] / 2))[1] < 2
+def _shows_one_cell(part: FittedPart, evidence: Evidence) -> bool:
+    """Whether a band of ``evidence`` that knows what a cell is has one, or none."""
+    if part.kind != "band" or not evidence.knows_cells:
+        return False
+    first, last = np.searchsorted(evidence.z_mm, (part.first, part.last))
+    rows = rows_of(evidence, slice(int(first), int(last) + 1))
+    return label(rows.valid & (rows.values > CLIP[rows.kind][1] / 2))[1] < 2
 
 
 def _exchanged(bands: Sequence[FittedPart]) -> Iterator[LoosePart]:

@@ -28,6 +28,8 @@ SEARCH_COLUMNS = 128
 SEARCH_BAND_MM = (0.06, 0.3)
 """The structure that is searched for, as sigmas of two Gaussians. Smaller structure is noise. Larger structure has too
 few independent pieces on one bore's wall to tell places apart."""
+RIM_MM = 0.05
+"""Blur of the evidence whose steepness shows the rims."""
 DISTINCT_MM = 0.75
 """Two places nearer than this are one peak."""
 
@@ -174,6 +176,14 @@ def search(
         chance=chance_of(best_score, grid_a, stretched, (best.mirrored, best.z_reversed), n_maps),
         confidence=abs(best.correlation) * (1 - 1 / ratio),
     )
+
+
+def rims(evidence: Evidence) -> Evidence:
+    """Return how steep ``evidence`` is, the root of it: high along the rims of cells, whether they are dark or lit."""
+    blurry = blurred(evidence, RIM_MM).values
+    along = np.gradient(blurry, evidence.z_mm, axis=0) if evidence.z_mm.size > 1 else np.zeros_like(blurry)
+    around = (np.roll(blurry, -1, axis=1) - np.roll(blurry, 1, axis=1)) / np.float32(2 * evidence.column_mm)
+    return replace(evidence, values=np.sqrt(np.hypot(along, around)).astype(np.float32))
 
 
 def _scales(a: Evidence, b: Evidence, z_scale_range: tuple[float, float]) -> Coordinates:

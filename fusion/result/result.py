@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, InstanceOf, PlainSerializer, model_
 
 from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.result.scores import (
     Budget,
     ByLi,
@@ -32,6 +32,28 @@ _Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 _Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]
 
 
+class StoredBend(Part):
+    """A :class:`~endoct.fusion.geometry.alignment.Bend` as it is stored."""
+
+    z_mm: Numbers
+    shift_mm: Numbers
+    roll_rad: Numbers
+    shift_error_mm: Numbers
+    roll_error_rad: Numbers
+
+    def to_bend(self) -> Bend:
+        """Return the bend that was stored."""
+        return Bend(**{field.name: getattr(self, field.name) for field in fields(Bend)})
+
+    @model_validator(mode="after")
+    def _is_a_bend(self) -> "StoredBend":
+        try:
+            self.to_bend()
+        except EndoctError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+
 class StoredAlignment(Part):
     """An :class:`~endoct.fusion.geometry.alignment.Alignment` as it is stored; None where a value was not stored."""
 
@@ -48,6 +70,7 @@ class StoredAlignment(Part):
     uneven_rad: Number | None = None
     twist_rad_per_mm: Number | None = None
     covariance: _Matrix | None = None
+    bend: StoredBend | None = None
 
     @classmethod
     def of(cls, alignment: Alignment | None) -> "StoredAlignment | None":
@@ -57,6 +80,7 @@ class StoredAlignment(Part):
     def to_alignment(self) -> Alignment:
         """Return the alignment that was stored, with the defaults for what was not."""
         known = {field.name: getattr(self, field.name) for field in fields(Alignment)}
+        known["bend"] = self.bend and self.bend.to_bend()
         return Alignment(**{name: value for name, value in known.items() if value is not None})
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, as_covariance
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Bend, as_covariance
 
 COVARIANCE = np.array([[4e-4, 1e-5, 0.0], [1e-5, 9e-4, -1.2e-4], [0.0, -1.2e-4, 4e-5]])
 ORIENTATIONS = pytest.mark.parametrize(("mirrored", "z_reversed"), ALL_ORIENTATIONS)
@@ -56,3 +57,65 @@ def test_an_unknown_covariance_stays_unknown() -> None:
     unknown = Alignment(1.0, 2.0)
     assert unknown.inverse().covariance is None
     assert not unknown.z_error_mm([0.0, 3.0]).any()
+
+
+BACK = Bend((0.0, 2.0, 2.5, 6.0), (0.1, 0.1, -0.3, 0.0), (0.0, 0.1, 0.1, -0.2), (0.01, 0.01, 0.03, 0.03), (0.1,) * 4)
+
+
+@ORIENTATIONS
+def test_a_bend_moves_places_along_and_around_there_and_back(mirrored: bool, z_reversed: bool) -> None:
+    rigid = alignment(mirrored, z_reversed)
+    bent = replace(rigid, bend=BACK)
+    assert bent.rigid == rigid
+    z_rigid = np.array([-1.0, 0.0, 1.0, 4.25, 7.0])
+    theta, z = np.linspace(0, 6.2, 5), rigid.z_to_b(z_rigid)
+    assert bent.z_to_a(z) == pytest.approx(np.array([-0.9, 0.1, 1.1, 4.1, 7.0]))
+    roll = [0.0, 0.0, 0.05, -0.05, -0.2]
+    assert wrap_rad(bent.theta_to_a(theta, z) - rigid.theta_to_a(theta) - roll) == pytest.approx(0)
+    assert bent.z_to_b(bent.z_to_a(z)) == pytest.approx(z)
+    assert wrap_rad(bent.theta_to_b(bent.theta_to_a(theta, z), bent.z_to_a(z)) - theta) == pytest.approx(0)
+    back, z_a = bent.inverse(), bent.z_to_a(z)
+    assert back.z_to_a(z_a) == pytest.approx(z)
+    assert wrap_rad(back.theta_to_a(theta, z_a) - bent.theta_to_b(theta, z_a)) == pytest.approx(0)
+    again = back.inverse().bend
+    assert again is not None
+    for name in ("z_mm", "shift_mm", "roll_rad", "shift_error_mm", "roll_error_rad"):
+        assert getattr(again, name) == pytest.approx(getattr(BACK, name))
+    assert back.bend is not None
+    assert back.bend.shift_error_mm[:: 1 - 2 * z_reversed] == pytest.approx(np.array(BACK.shift_error_mm) / 0.96)
+    error = np.hypot(rigid.z_error_mm(z), [0.01, 0.01, 0.01, 0.03, 0.03])
+    assert bent.z_error_mm(z) == pytest.approx(error)
+
+
+def test_a_bent_alignment_turns_no_place_of_unknown_z() -> None:
+    bent = Alignment(0.0, 0.0, bend=BACK)
+    for ask in (bent.theta_to_a, bent.theta_to_b):
+        with pytest.raises(EndoctError, match="z beside θ"):
+            ask(0.3)
+    assert float(bent.rigid.theta_to_a(0.3)) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"z_mm": (0.0, 2.0, 2.0, 6.0)},
+        {"shift_mm": (0.1, 0.7, 0.1, 0.0)},  # it would show wall twice
+        {"roll_rad": (0.0, 0.1)},
+        {"roll_rad": (0.0, 0.1, np.nan, 0.0)},
+        dict.fromkeys(("z_mm", "shift_mm", "roll_rad", "shift_error_mm", "roll_error_rad"), ()),
+    ],
+)
+def test_what_is_no_bend(other: dict) -> None:
+    with pytest.raises(EndoctError, match="bend of an alignment is none"):
+        replace(BACK, **other)
+
+
+def test_steps_are_jumps_of_a_bend_the_farthest_along_first() -> None:
+    assert BACK.steps == ((pytest.approx(2.15), pytest.approx(-0.4), pytest.approx(0.0)),)
+    z_mm, along_mm = (0.0, 1.0, 1.02, 3.0, 3.02, 5.0, 5.02), (0, 0, 0.02, 0.1, 0.4, 0.4, 0.5)
+    two = Bend(z_mm, along_mm, (0, 0, 0.07, 0, 0, 0, 0), (0,) * 7, (0,) * 7)
+    assert two.steps == (
+        (pytest.approx(3.26), pytest.approx(0.3), 0.0),
+        (pytest.approx(1.02), pytest.approx(0.02), pytest.approx(0.07)),
+    )
+    assert Bend((0.0, 2.0), (0.0, 0.9), (0.0, 0.9), (0, 0), (0, 0)).steps == ()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from bore_pairs import Pair
+from bore_pairs import Pair, make_pair
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
@@ -338,3 +338,32 @@ def test_a_step_is_looked_for_where_no_part_is_out_of_place(
     codes = [doubt.code for doubt in compare_panoramas(pair.a, pair.b, COARSE).result.doubts]
     assert ("parts-out-of-place" in codes) == loose
     assert ("step-along-the-bore" in codes) == (not loose)
+
+
+def test_a_bend_is_used_said_and_stored(tmp_path: Path) -> None:
+    """B's rows turned by up to 11 degrees, either way."""
+    pair = make_pair(3, rows=45)
+    b = pair.b
+    assert b.depth_mm is not None
+    by = np.round(np.linspace(-16, 16, b.grid.n_z)).astype(int)
+    column = (np.arange(b.grid.n_theta) - by[:, None]) % b.grid.n_theta
+    row = np.arange(b.grid.n_z)[:, None]
+    turned = replace(b, intensity=b.intensity[row, column], depth_mm=b.depth_mm[row, column])
+    rigid, bent = (compare_panoramas(pair.a, one, COARSE) for one in (b, turned))
+    assert rigid.result.alignment is not None
+    assert rigid.result.alignment.bend is None
+    assert rigid.result.to_json()["alignment"]["bend"] is None
+    assert "bent-along-the-bore" not in [doubt.code for doubt in rigid.doubts]
+    assert bent.alignment is not None
+    assert bent.alignment.bend is not None
+    assert {doubt.code for doubt in bent.doubts} & {"bent-along-the-bore", "parts-out-of-place"} == {
+        "bent-along-the-bore"
+    }
+    assert bent.result.jaccard == pytest.approx(rigid.result.jaccard, abs=0.02)
+    assert bent.result.own_rows_jaccard == pytest.approx(rigid.result.own_rows_jaccard, abs=0.02)
+    save_comparison(bent, tmp_path / "comparison.zarr")
+    (tmp_path / "result.json").write_text(json.dumps(bent.result.to_json()))
+    assert load_comparison(tmp_path / "comparison.zarr").alignment == bent.alignment
+    twisted = compare_panoramas(pair.a, turned, COARSE.model_copy(update={"correct_twist": True}))
+    assert twisted.alignment is not None
+    assert twisted.alignment.bend is None

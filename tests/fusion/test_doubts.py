@@ -11,6 +11,7 @@ from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import (
     doubt_of_twist,
     doubts_of_alignment,
+    doubts_of_bend,
     doubts_of_largest_cell,
     doubts_of_orientation,
     doubts_of_parts,
@@ -20,7 +21,7 @@ from endoct.fusion.doubts import (
 )
 from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import largest_cell_share, remedies
 from endoct.fusion.registration.rigidity import LoosePart
@@ -199,3 +200,20 @@ def test_the_worst_of_parts_out_of_place_is_told(part: LoosePart, said: str) -> 
     assert (doubt.side, doubt.expected) == ("oct", (0.0, 0.1 if part.kind == "turn" else 0.16))
     assert doubt.value == pytest.approx(0.5 if part.kind == "band" else 0.2)
     assert list(doubts_of_parts([], "oct")) == []
+
+
+def test_a_bend_is_doubted_and_its_steps_are_said() -> None:
+    bend = Bend((0.0, 2.6, 3.4, 6.0), (0.1, 0.1, -0.6, 0.0), (0.0, 0.0, 0.1, 0.0), (0.0,) * 4, (0.0,) * 4)
+    (doubt,) = outside(doubts_of_bend(replace(ALIGNED, bend=bend), "oct"))
+    assert (doubt.code, doubt.side, doubt.value, doubt.unit) == ("bent-along-the-bore", "oct", 0.6, "mm")
+    assert "follows it by up to 0.60 mm along and 5.7° around" in doubt.what
+    assert doubt.what.endswith("From z = 2.8 mm on it lies -0.70 mm farther along, turned by +5.7°.")
+    assert outside(doubts_of_bend(ALIGNED, "oct")) == []
+
+
+@pytest.mark.parametrize(("ratio", "chance", "said"), [(1.4, 1e-5, True), (1.39, 1e-5, False), (1.4, 2e-5, False)])
+def test_an_alignment_by_rims_of_little_confidence_is_doubted(ratio: float, chance: float, said: bool) -> None:
+    by_rims = replace(ALIGNED, confidence=0.1, ratio=ratio, chance=chance)
+    assert [doubt.code for doubt in of_alignment(by_rims)] == ["aligned-by-rims"] * said
+    assert of_alignment(replace(by_rims, confidence=0.18)) == []
+    assert [doubt.code for doubt in of_alignment(by_rims, force=True)] == ["forced"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Bend
 from endoct.fusion.geometry.placement import (
     IN_PLACE,
     Placement,
@@ -15,6 +15,7 @@ from endoct.fusion.geometry.placement import (
     column_weights,
     common_grid,
     resample,
+    rolled,
     row_weights,
 )
 from endoct.stitching.grid import SurfaceGrid
@@ -110,3 +111,33 @@ def test_diameters_of_one_bore_differ_by_little() -> None:
     for other in (1.25 * 1.032, 1.25 * 0.969):
         with pytest.raises(EndoctError, match="bores of different diameters"):
             check_same_bore(1.25, other)
+
+
+def test_rows_are_rolled_each_by_its_own_columns_around_the_circle() -> None:
+    image = np.arange(8, dtype=np.float32).reshape(2, 4)
+    valid = np.array([[1, 1, 1, 1], [1, 1, 1, 0]], np.bool_)
+    new, observed = rolled(image, valid, np.array([1.0, -0.25]))
+    assert new[0].tolist() == [3, 0, 1, 2]
+    assert observed.tolist() == [[True] * 4, [True, True, False, False]]
+    assert new[1].tolist() == [4.25, 5.25, 0, 0]
+    assert rolled(image, valid, np.array([0.0, 5.0]))[1].tolist() == [[True] * 4, [False, True, True, True]]
+
+
+@pytest.mark.parametrize(("mirrored", "z_reversed"), ALL_ORIENTATIONS)
+def test_a_bent_side_lies_where_its_alignment_puts_each_sample(mirrored: bool, z_reversed: bool) -> None:
+    """Every sample of B, moved by whole rows and columns, on a grid that has them; a lost row stays unknown."""
+    rng, n = np.random.default_rng(2), 64
+    b = SurfaceGrid.full_circle(20, n, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+    common = SurfaceGrid.full_circle(40, n, z0_mm=-1.0, dz_mm=0.1, radius_mm=1.25)
+    image = rng.normal(size=b.shape).astype(np.float32)
+    turn = 2 * np.pi / n
+    z_shift_mm = 1.9 if z_reversed else 0.0
+    bend = Bend((0.94, 0.96), (0.0, 0.1), (0.0, 3 * turn), (0.0, 0.0), (0.0, 0.0))
+    where = Alignment(5 * turn, z_shift_mm, 1.0, mirrored, z_reversed, bend=bend)
+    placed, known = Placement(b, where, common, 0.0).image(image, np.ones(b.shape, np.bool_))
+    z_mm = where.z_to_a(b.z_mm)[:, None]
+    row = np.rint(common.row_of(z_mm)).astype(int)
+    column = np.rint(common.column_of(where.theta_to_a(b.theta_rad, b.z_mm[:, None]))).astype(int) % n
+    assert known[row, column].all()
+    assert placed[row, column] == pytest.approx(image, abs=1e-4)
+    assert known.any(axis=1).sum() == 20

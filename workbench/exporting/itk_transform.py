@@ -16,13 +16,19 @@ from endoct.workbench.running.progress import Stages
 def write_itk_transform(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write where a point of side B lies in side A's frame, mm; with ``request.inverse`` the way back.
 
-    Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned.
+    Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned, or bend.
     """
     del stages
     if source.kind != "comparison":
         raise EndoctError(f"{source.path} has no alignment", expected="a folder written by `endoct compare`")
     if source.alignment is None:
         raise EndoctError(f"the sides of {source.path} are not aligned", remedy="see its report for why")
+    if source.alignment.bend is not None:
+        raise EndoctError(
+            f"{source.sides[1]} bends along the bore, and no affine transform follows that",
+            found=f"a bend of {len(source.alignment.bend.z_mm)} knots in the result of {source.path}",
+            remedy="take bend from result.json, or export an image: images lie where the bend puts them",
+        )
     a, b = source.sides
     matrix, offset_mm = affine_of(source.alignment)
     start, end = b, a

@@ -112,6 +112,15 @@ class SeriesPart:
 
 
 @dataclass(frozen=True)
+class BendPart:
+    """How the place of a side bends along the bore, as :class:`~endoct.fusion.geometry.alignment.Bend` has it."""
+
+    z_mm: tuple[float, ...]
+    shift_mm: tuple[float, ...]
+    roll_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class PlacementPart:
     """How places of a side, in its own frame, lie on the wall that is shown, as
     :class:`~endoct.fusion.geometry.alignment.Alignment` has it.
@@ -122,6 +131,7 @@ class PlacementPart:
     z_shift_mm: float
     z_scale: float
     z_reversed: bool
+    bend: BendPart | None
 
 
 @dataclass(frozen=True)

@@ -143,8 +143,9 @@ class DrawnMasks:
         rows_mm = where.z_to_a(grid.z_mm)
         rows = np.rint(np.interp(rows_mm, common.z_mm, np.arange(common.n_z))).astype(np.intp)
         is_covered = (rows_mm >= common.z_mm[0] - common.dz_mm / 2) & (rows_mm <= common.z_mm[-1] + common.dz_mm / 2)
-        columns = np.rint(common.column_of(where.theta_to_a(grid.theta_rad))).astype(np.intp) % common.n_theta
-        return np.asarray(stored[np.ix_(rows, columns)].astype(np.bool_) & is_covered[:, None])
+        theta_rad = where.theta_to_a(grid.theta_rad, grid.z_mm[:, None])
+        columns = np.rint(common.column_of(theta_rad)).astype(np.intp) % common.n_theta
+        return np.asarray(stored[rows[:, None], columns].astype(np.bool_) & is_covered[:, None])
 
     def _where(self, side: str) -> Alignment | None:
         return self.outline.alignment if side == self.outline.names[1] else None

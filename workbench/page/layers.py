@@ -24,6 +24,7 @@ from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
 from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import rolled
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.fusion.sides import COLOURS
 from endoct.stitching.grid import SurfaceGrid
@@ -229,8 +230,9 @@ def _images(
 ) -> Iterator[tuple[str, Plane]]:
     """Yield the images of the side ``k`` by their names in its store."""
     own = folder / "panoramas" / f"{outline.names[k]}.zarr"
-    # where every row of B was turned by itself, only the common grid shows where it was put
-    is_rigid = k == 0 or outline.result.twist is None
+    # where rows of B were turned by themselves, or it bends, only the common grid shows where it was put
+    is_bent = outline.alignment is not None and outline.alignment.bend is not None
+    is_rigid = k == 0 or (outline.result.twist is None and not is_bent)
     placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)
     store, index = (own, ()) if is_rigid else (folder / COMPARISON_STORE, (k,))
     images = ["intensity"] * (panorama.modality != MASK_MODALITY) + _depths(panorama)
@@ -325,6 +327,10 @@ def mask_outlines(mask: Mask, grid: SurfaceGrid, where: Alignment | None) -> tup
     """Return the outlines of ``mask``, bool (n_z, n_theta) on ``grid``, moved by ``where``, as :func:`outlines`."""
     down, across = (-(-n // MOST_OUTLINED) for n in mask.shape)
     placing = placing_of(grid, where)
+    if where is not None and where.bend is not None:
+        roll_rad = where.roll_rad(grid.z_mm) * (-1 if where.mirrored else 1)
+        everywhere = np.ones(grid.shape, np.bool_)
+        mask = rolled(mask.astype(np.float32), everywhere, roll_rad / grid.dtheta_rad)[0] >= np.float32(0.5)
     rows = mask[::-1] if placing.z_reversed else mask
     rows = np.roll(rows[:, ::-1], 1, axis=1) if placing.mirrored else rows  # column j is stored as column −j
     row_starts, column_starts = np.arange(0, mask.shape[0], down), np.arange(0, mask.shape[1], across)

@@ -18,7 +18,7 @@ from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.modalities.contract import Picture
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import PanoramaOutline
-from endoct.workbench.page.description import Description, FramesPart, PlacementPart, SeriesPart
+from endoct.workbench.page.description import BendPart, Description, FramesPart, PlacementPart, SeriesPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Heading
 from endoct.workbench.page.layers import MOST_SAMPLES, Classes, Layer, Scalar, outlines, relief_bytes
@@ -160,7 +160,9 @@ def frames_part(
 
 
 def _placement(where: Alignment) -> PlacementPart:
-    return PlacementPart(where.theta_shift_rad, where.mirrored, where.z_shift_mm, where.z_scale, where.z_reversed)
+    bend = None if where.bend is None else BendPart(where.bend.z_mm, where.bend.shift_mm, where.bend.roll_rad)
+    turned, shift_mm = where.theta_shift_rad, where.z_shift_mm
+    return PlacementPart(turned, where.mirrored, shift_mm, where.z_scale, where.z_reversed, bend)
 
 
 def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:

@@ -151,7 +151,10 @@ class Placing:
 
 
 def placing_of(grid: SurfaceGrid, where: Alignment | None = None) -> Placing:
-    """Return where the samples on ``grid`` lie, moved by ``where`` into the frame that the wall is shown in."""
+    """Return where the samples on ``grid`` lie, moved by ``where`` into the frame that the wall is shown in.
+
+    Rows that a bend of ``where`` turns must have been turned by it before.
+    """
     if where is None:
         return Placing(grid.z_mm, grid.dz_mm, grid.n_theta, grid.theta0_rad)
     row_mm = where.z_to_a(grid.z_mm)

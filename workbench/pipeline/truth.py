@@ -218,9 +218,10 @@ def held_against(
     if (alignment := comparison.alignment) is None:
         return figures
     # where each OCT sample of the overlap truly lies in the endoscope's frame, and where the alignment puts it
-    d_theta = wrap_rad(alignment.theta_to_a(oct_.grid.theta_rad) - true.theta_to_a(oct_.grid.theta_rad))
+    theta_rad, z_mm = oct_.grid.theta_rad[np.newaxis], oct_.z_mm[shared][:, np.newaxis]
+    d_theta = wrap_rad(alignment.theta_to_a(theta_rad, z_mm) - true.theta_to_a(theta_rad))
     d_z = alignment.z_to_a(oct_.z_mm[shared]) - z_true[shared]
-    distance = np.hypot(d_theta[np.newaxis] * oct_.grid.radius_mm, d_z[:, np.newaxis])
+    distance = np.hypot(d_theta * oct_.grid.radius_mm, d_z[:, np.newaxis])
     right = alignment.mirrored == true.mirrored and alignment.z_reversed == true.z_reversed(oct_.z_mm)
     return figures | {
         "pair_native": _known(comparison.result.own_rows_jaccard),

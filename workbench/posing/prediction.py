@@ -36,6 +36,7 @@ ROWS_MM, COLUMNS = 0.05, 1024
 PARAMETERS = CompareParameters(dz_mm=ROWS_MM, n_theta=COLUMNS, polarity="dark")
 MODALITY = "ct"
 ROWS_AT_A_TIME = 256
+OUT_OF_PLACE = "parts-out-of-place", "step-along-the-bore"
 NOTE = (
     "This side is what the CT has on the wall at the pose that `endoct pose` found: it lies where it does by that "
     "pose, and was not aligned."
@@ -106,8 +107,8 @@ def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comp
         compared = compare_placed((given.side, of_ct), cells, in_place, PARAMETERS)
     except EndoctError:
         return None
-    # doubts about a recording, such as lost frames, do not concern a CT
-    doubts = tuple(doubt for doubt in compared.result.doubts if doubt.side != MODALITY)
+    # doubts about a recording, such as lost frames, do not concern a CT; one about where it lies concerns the side
+    doubts = tuple(each for each in compared.result.doubts if each.side != MODALITY or each.code in OUT_OF_PLACE)
     return replace(compared, result=compared.result.model_copy(update={"doubts": doubts}))
 
 

@@ -143,6 +143,9 @@ def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iter
     yield "Score over that of the next best place", _number(alignment.ratio)
     yield "Probability that chance gives as much", _number(alignment.chance)
     yield "Area that both observed", area_text(alignment.overlap_mm2)
+    if bend := alignment.bend:
+        along_mm, roll_rad = (max(map(abs, part), default=0.0) for part in (bend.shift_mm, bend.roll_rad))
+        yield "Bends along the bore, by up to", f"{length_text(along_mm)} along, {_degrees(roll_rad, '°')} around"
     yield "Left uncorrected: departure from that turn around θ, up to", _degrees(alignment.uneven_rad, "°")
     yield "Left uncorrected: turn that grows along the bore", _degrees(alignment.twist_rad_per_mm, "° per mm")
 

@@ -127,8 +127,18 @@ def placement(a: str, b: str, alignment: StoredAlignment) -> str:
     return (
         f"{b} lies in the frame of {a} turned by {math.degrees(alignment.theta_shift_rad):.2f}° and shifted by "
         f"{length_text(alignment.z_shift_mm)} along the bore, its z scaled by {alignment.z_scale:.4f}; "
-        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}.{_unevenness(alignment)}"
+        f"{' and '.join(turns) if turns else 'neither mirrored nor reversed'}."
+        f"{_bend(alignment)}{_unevenness(alignment)}"
     )
+
+
+def _bend(alignment: StoredAlignment) -> str:
+    """Say how far the alignment departs from that along the bore."""
+    if alignment.bend is None:
+        return ""
+    along_mm, roll_rad = (max(map(abs, part)) for part in (alignment.bend.shift_mm, alignment.bend.roll_rad))
+    said = f"{length_text(along_mm)} along and {math.degrees(roll_rad):.1f}° around"
+    return f" From there it bends along the bore, by up to {said}."
 
 
 def _unevenness(alignment: StoredAlignment) -> str:

@@ -72,6 +72,8 @@ def test_every_chunk_is_needed(name: str, store: Path) -> None:
         ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "other": 1}'), ("reason", "5"),
         ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "mirrored": 1}'), ("dz_mm", "0.1"), ("dz_mm", 0),
         ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "covariance": [[1]]}'), ("format", "x"),
+        ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "bend": {"z_mm": [1]}}'),
+        ("alignment", '{"theta_shift_rad": 0, "z_shift_mm": 0, "bend": [1]}'),
         ("alignment", '{"theta_shift_rad": ' + "9" * 5000 + "}"),
     ],
 )  # fmt: skip

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bore_pairs import Pair
+from bore_pairs import Pair, make_pair
 from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM, COORDINATE_ATOL
 
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.evidence import prepare
+from endoct.base.numeric.regions import label
+from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
 from endoct.fusion.registration.align import Alignment, NotAligned, align, open_orientations
 from endoct.stitching.panorama import Panorama
@@ -137,3 +138,33 @@ def test_where_there_are_no_cells_the_place_is_known_less_surely(pair_of: Callab
         assert isinstance(found, Alignment)
         near_mm, far_mm = found.z_error_mm(np.quantile(z_mm, [0.1, 0.9]))
         assert far_mm > 1.2 * near_mm
+
+
+def lit(pair: Pair, seed: int) -> Evidence:
+    """Darkness on A where half of the cells are dark, and the others brighter than the wall."""
+    dark = prepare(pair.a)
+    labels, n = label(pair.cells_a)
+    signs = np.r_[1, np.random.default_rng(seed).permutation(np.resize([-1, 1], n))]
+    return replace(dark, values=dark.values * signs[labels].astype(np.float32))
+
+
+def test_cells_that_are_lit_as_often_as_dark_are_aligned_by_their_rims() -> None:
+    pair = make_pair(5, rows=45)
+    found = align(lit(pair, 1), prepare(pair.b))
+    assert_found(pair, found)
+    assert isinstance(found, Alignment)
+    assert abs(found.correlation) < 0.3
+    assert found.bend is None
+    other = make_pair(5, rows=45, other_bore=True)
+    assert isinstance(align(lit(other, 1), prepare(other.b)), NotAligned)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "chance", "is_believed"), [(1.4, 1e-5, True), (1.39, 1e-5, False), (1.4, 1.1e-5, False)]
+)
+def test_a_place_by_rims_of_little_confidence_must_be_clear(
+    monkeypatch: pytest.MonkeyPatch, pair: Pair, ratio: float, chance: float, is_believed: bool
+) -> None:
+    best = replace(pair.truth, confidence=0.05, correlation=0.2, ratio=ratio, chance=chance)
+    monkeypatch.setattr("endoct.fusion.registration.align.search", lambda *_: best)
+    assert isinstance(align(prepare(pair.a), prepare(pair.b)), Alignment) == is_believed

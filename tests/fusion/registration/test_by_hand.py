@@ -14,6 +14,7 @@ from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.geometry.alignment import (
     ALL_ORIENTATIONS,
     Alignment,
+    Bend,
     LandmarkPair,
     Place,
     SearchOutcome,
@@ -249,3 +250,22 @@ def test_errors_about_a_place_are_those_of_draws(middle_mm: float) -> None:
     stated = covariance_about(middle_mm, *variances)
     of_one = np.sqrt(np.diag(stated))
     np.testing.assert_allclose(scattered / np.outer(of_one, of_one), stated / np.outer(of_one, of_one), atol=0.03)
+
+
+def test_pairs_correct_the_rigid_part_of_a_bent_alignment_and_leave_its_bend():
+    bend = Bend((0.0, 9.0, 9.02, 20.0), (0.0, 0.0, 0.6, 0.6), (0.0, 0.0, 0.1, 0.1), (0.0,) * 4, (0.0,) * 4)
+    covariance = as_covariance(np.diag([1e-2, 1e-2, 1e-6]))
+    truth = Alignment(0.3, 0.05, mirrored=True, bend=bend)
+    start = replace(truth, theta_shift_rad=0.28, z_shift_mm=0.0, covariance=covariance)
+    pairs = [LandmarkPair(Place(float(truth.theta_to_a(t, z)), float(truth.z_to_a(z))), Place(t, z)) for t, z in PLACES]
+    judged = judge(pairs, SearchOutcome(start), BORE)
+    found = judged.outcome.alignment
+    assert found is not None
+    assert found.bend == bend
+    assert (found.theta_shift_rad, found.z_shift_mm) == pytest.approx((0.3, 0.05), abs=1e-3)
+    assert judged.said.correct is not None
+    assert judged.said.correct.max_mm < 0.003
+    far = replace(start, z_shift_mm=3.0)  # pairs that contradict an alignment do not believe its bend either
+    found = judge(pairs, SearchOutcome(far), BORE).outcome.alignment
+    assert found is not None
+    assert found.bend is None

@@ -7,6 +7,7 @@ import pytest
 from bore_pairs import Pair, make_pair, panorama
 
 from endoct.fusion.evidence.evidence import Evidence, prepare
+from endoct.fusion.geometry.alignment import Bend
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.rigidity import NEAR, STEP_MM, LoosePart, fit_part, part_of, parts_out_of_place
 from endoct.stitching.panorama import Panorama
@@ -167,3 +168,16 @@ def test_a_part_is_found_to_a_fraction_of_a_column(rows: int, columns: float) ->
     assert found.around_mm == pytest.approx(columns * 2 * np.pi / n_theta * radius_mm, abs=0.05 * STEP_MM)
     assert found.correlation[0] == pytest.approx(1, abs=2e-3)
     assert (found.correlation[1] == found.correlation[0]) is (rows == 0)
+
+
+@pytest.mark.parametrize("way", [{}, {"mirrored": True}, {"z_reversed": True, "mirrored": True}])
+def test_what_a_bend_follows_is_in_place(way: dict) -> None:
+    pair = make_pair(rows=ROWS, **way)
+    b = turned(pair.b, (slice(ROWS // 2, None), slice(None)))
+    half_mm = float(pair.truth.z_to_a(ROW_MM * (ROWS / 2 - 0.5)))
+    roll_rad = -TURN_RAD * (-1 if pair.truth.mirrored else 1)
+    rolls = (roll_rad, 0.0) if pair.truth.z_reversed else (0.0, roll_rad)
+    bend = Bend((half_mm - 0.01, half_mm + 0.01), (0.0, 0.0), rolls, (0.0, 0.0), (0.0, 0.0))
+    sides = prepare(pair.a), prepare(b)
+    assert parts_out_of_place(*sides, pair.truth)
+    assert parts_out_of_place(*sides, replace(pair.truth, bend=bend)) == ()

@@ -76,12 +76,12 @@ def test_a_lost_slice_is_placed_and_said(lost: bool) -> None:
     assert found.at_mm == pytest.approx(at_mm, abs=0.5)
 
 
-@pytest.mark.parametrize(("along_mm", "cause"), [(0.21, "lost"), (-0.21, "doubled")])
-def test_the_doubt_says_where_and_why(along_mm: float, cause: str) -> None:
+@pytest.mark.parametrize(("along_mm", "cause", "other"), [(0.21, "lost", "doubled"), (-0.21, "doubled", "lost")])
+def test_the_doubt_says_where_and_why_without_saying_whose_fault(along_mm: float, cause: str, other: str) -> None:
     (doubt,) = doubts_of_step(Step(3.14, along_mm), "oct")
     assert doubt == Doubt("step-along-the-bore", doubt.what, side="oct", value=0.21, unit="mm", expected=(0.0, 0.12))
     assert f"z = 3.1 mm on, the wall of oct fits best {along_mm:+.2f} mm" in doubt.what
-    assert f"may be {cause} there" in doubt.what
+    assert f"Its slices or frames may be {cause} there, or the other side's {other}, or the feed slipped." in doubt.what
     assert not list(doubts_of_step(None, "oct"))
 
 
@@ -100,9 +100,9 @@ def test_only_bands_that_are_sure_count_each_to_a_fraction_of_a_sample(monkeypat
     assert found.at_mm == pytest.approx(9.75)
 
 
-@pytest.mark.parametrize(("noisy", "found"), [(1.1, True), (1.3, False)])
+@pytest.mark.parametrize(("noisy", "found"), [(1.0, True), (1.2, False)])
 def test_a_step_must_explain_half_of_what_is_left(noisy: float, found: bool) -> None:
-    """Two lines leave 0.50 and 0.57 of what one line leaves."""
+    """Two lines leave 0.49 and 0.57 of what one line leaves of the bands that do not lie across the step."""
     z_mm = np.arange(0.5, 20, 0.25)
     along_mm = np.where(z_mm < 10, 0.0, 0.2) + noisy * np.where(np.arange(z_mm.size) % 2, 0.02, -0.02)
     assert (best_step(z_mm, along_mm) is not None) == found

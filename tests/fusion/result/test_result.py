@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from benchmarks.fuzz.seed_results import comparison_files
 from endoct.base.doubt import Doubt
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.result import NotVisible, Overlap, OwnRows, PairScores, Result, StoredAlignment, Strata, Stratum
 
 SMALLEST = {"sides": ["a", "b"], "aligned": False, "alignment": None, "jaccard": None, "dice": None}
@@ -109,3 +109,15 @@ def test_what_is_no_result(changed: dict[str, object]) -> None:
     Result.from_json(SMALLEST | {"valid_fraction": 1.0})
     with pytest.raises(ValidationError):
         Result.from_json(SMALLEST | {"valid_fraction": 1.0} | changed)
+
+
+def test_a_bend_is_stored_read_and_refused_where_it_is_none() -> None:
+    bent = Alignment(0.1, 0.2, bend=Bend((0.0, 1.0), (0.0, 0.1), (0.2, 0.0), (0.01, 0.02), (0.03, 0.04)))
+    stored = StoredAlignment.of(bent)
+    assert stored is not None
+    assert stored.to_alignment() == bent
+    text = stored.model_dump_json()
+    assert StoredAlignment.model_validate_json(text).to_alignment() == bent
+    with pytest.raises(ValueError, match="bend of an alignment is none"):
+        StoredAlignment.model_validate_json(text.replace("[0.0,0.1]", "[0.0,-1.1]"))
+    assert Alignment(0.1, 0.2) == StoredAlignment.of(Alignment(0.1, 0.2)).to_alignment()  # type: ignore[union-attr]

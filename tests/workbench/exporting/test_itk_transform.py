@@ -9,7 +9,7 @@ import pytest
 import SimpleITK as sitk
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, Alignment, Bend
 from endoct.workbench.exporting.itk_transform import affine_of, write_itk_transform
 from endoct.workbench.running.progress import SilentStages
 
@@ -41,4 +41,13 @@ def test_without_an_alignment_there_is_none(tmp_path: Path, changed: dict[str, A
     source: Any = SimpleNamespace(**{"kind": "comparison", "alignment": None, "path": tmp_path, **changed})
     with pytest.raises(EndoctError, match=said):
         write_itk_transform(source, tmp_path / "a.tfm", SimpleNamespace(inverse=False), SilentStages())  # type: ignore[arg-type]
+    assert not (tmp_path / "a.tfm").exists()
+
+
+def test_no_affine_transform_stands_for_a_bend(tmp_path: Path) -> None:
+    bent = Alignment(0.7, 0.3, bend=Bend((1.0, 2.0), (0.0, 0.1), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
+    source: Any = SimpleNamespace(kind="comparison", alignment=bent, sides=("endoscope", "oct"), path=tmp_path)
+    with pytest.raises(EndoctError, match="oct bends along the bore") as refused:
+        write_itk_transform(source, tmp_path / "a.tfm", SimpleNamespace(inverse=False), SilentStages())  # type: ignore[arg-type]
+    assert "take bend from result.json" in str(refused.value)
     assert not (tmp_path / "a.tfm").exists()

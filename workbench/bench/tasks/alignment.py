@@ -167,7 +167,8 @@ def judge(case: AlignmentCase, answer: Alignment | NotAligned) -> Mapping[str, f
     shared_mm = shared_mm[np.linspace(0, shared_mm.size - 1, 32).astype(int)]
     theta_rad = 2 * np.pi / 32 * np.arange(32)
     off_z_mm = answer.z_to_a(shared_mm) - truth.z_to_a(shared_mm)
-    off_theta_mm = a.grid.radius_mm * wrap_rad(answer.theta_to_a(theta_rad) - truth.theta_to_a(theta_rad))
+    turned_rad = answer.theta_to_a(theta_rad, shared_mm[:, np.newaxis])
+    off_theta_mm = a.grid.radius_mm * wrap_rad(turned_rad - truth.theta_to_a(theta_rad))
     error_mm = float(np.hypot(off_z_mm[:, np.newaxis], off_theta_mm).mean())
     return {
         "landmark_px": error_mm / px_mm,

@@ -70,12 +70,19 @@ export interface SeriesPart {
   values: (number | null)[];
 }
 
+export interface BendPart {
+  z_mm: number[];
+  shift_mm: number[];
+  roll_rad: number[];
+}
+
 export interface PlacementPart {
   theta_shift_rad: number;
   mirrored: boolean;
   z_shift_mm: number;
   z_scale: number;
   z_reversed: boolean;
+  bend: BendPart | null;
 }
 
 export interface FramesPart {
