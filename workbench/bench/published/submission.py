@@ -62,7 +62,9 @@ def submit(
     task = with_programs(load_task(task_name), programs)
     entries = entries_for(specimens, task_name, data)
     folders = tuple((data / one.name).absolute() for one in entries)
-    plan = Plan(task_name, check_names(task, [*methods, *programs]), own=folders, programs=programs)
+    plan = Plan(
+        task_name, check_names(task, [*methods, *programs]), own=folders, programs=programs, hidden=data.absolute()
+    )
     check_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission)
     check_entries(data, entries, stages)
     checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
@@ -242,7 +244,7 @@ def check(
     chosen = chosen[:sample]
     check_entries(data, chosen, stages)
     task = with_programs(load_task(submission.task), programs)
-    plan = Plan(submission.task, check_names(task, names), programs=programs)
+    plan = Plan(submission.task, check_names(task, names), programs=programs, hidden=data.absolute())
     stated = {(row.specimen, row.case, row.method): row for row in submission.rows}
     reruns: list[Rerun] = []
     with stages.stage(f"{len(chosen)} of {len(entries)} specimens again") as advance:

@@ -5,6 +5,7 @@ slice and all around, and what it does not know is wrong. No OCT recording knows
 slices: every method gets the one that fits best.
 """
 
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from endoct.modalities.recognition import open_recording
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import per_frame
+from endoct.stitching.store import load_panorama, save_panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.program import read_answer, read_array, write_given
@@ -34,6 +36,7 @@ DRIFT_MM = 0.02
 GOOD_ENOUGH = 0.8
 RIM_REACH_RAD = 0.35  # as far as a rim may lie from the true one to count as that rim: 20°
 N_NOMINAL = 256
+STORE = "panorama.zarr"
 N_JUDGED = 1024
 """Samples around of each slice that are judged."""
 PRESET: PresetName = "learning"
@@ -191,11 +194,18 @@ def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
 
 
 def _write_recording(recording: Path, folder: Path) -> None:
-    write_given(folder, {"recording": str(recording.absolute())})
+    copy = shutil.copytree(recording, folder / "recording")  # the truth lies beside the original
+    write_given(folder, {"recording": str(copy.absolute())})
+
+
+def _write_answer(answer: Panorama, folder: Path) -> None:
+    save_panorama(answer, folder / STORE)
 
 
 def _read_panorama(recording: Path, folder: Path) -> Panorama:
     """Return the answer of a program as a panorama of the recording."""
+    if (folder / STORE).is_dir():
+        return load_panorama(folder / STORE)
     _, stream = open_recording(recording)
     sidecar, answer = stream.acquisition.model_dump(), read_answer(folder)
     depth = read_array(folder, "depth_mm").astype(np.float32)
@@ -246,9 +256,10 @@ TASK = Task(
     exchange=Exchange(
         files="given: given.json with recording, the path of the pullback's folder. answer: depth_mm.npy, (slice, θ) "
         "by ascending z, mm behind the bore's nominal wall, NaN where not known; answer.json with slice_index and "
-        "slice_z_mm, a number a row.",
+        "slice_z_mm, a number a row. Or panorama.zarr, as endoct stores one.",
         write=_write_recording,
         read=_read_panorama,
+        answer=_write_answer,
     ),
 )
 
