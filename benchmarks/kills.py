@@ -42,7 +42,7 @@ from endoct.workbench.running.progress import SilentStages
 if __name__ == "__main__":
     making.load_definition = lambda name: tiny(int(sys.argv[2]))
     making._check_published = lambda listed: None
-    making.make_set(Path(sys.argv[1]), "endoct-bench-1", workers=2, stages=SilentStages())
+    making.make_set(Path(sys.argv[1]), "endoct-bench-2", workers=2, stages=SilentStages())
 """
 """Makes a set of few, small specimens; `endoct bench make` takes hours."""
 MASK = """

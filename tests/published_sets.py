@@ -13,18 +13,18 @@ def tiny(count: int = 1) -> Definition:
         Kind(generator="simulator", difficulty="easy", tasks=TASKS, count=count, preset="learning"),
         Kind(generator="second", difficulty="easy", tasks=TASKS, count=count),
     )
-    return load_definition("endoct-bench-1").model_copy(update={"kinds": kinds})
+    return load_definition("endoct-bench-2").model_copy(update={"kinds": kinds})
 
 
 def planned_specimen(difficulty: Difficulty, seed: int) -> Planned:
     """A specimen of the smallest preset."""
     kind = Kind(generator="simulator", difficulty=difficulty, tasks=TASKS, count=1, preset="learning")
-    return Planned(f"{kind.name}-000", kind, seed, "train")
+    return Planned(f"{kind.name}-000", kind, seed, "test")
 
 
 def entry(name: str, generator: str = "simulator", difficulty: str = "easy") -> Entry:
     """A specimen of a set that is nowhere."""
-    facts = {"name": name, "generator": generator, "difficulty": difficulty, "tasks": TASKS, "split": "train"}
+    facts = {"name": name, "generator": generator, "difficulty": difficulty, "tasks": TASKS, "split": "test"}
     digests = {"recorded": {"oct": "a" * 64, "truth": "c" * 64}, "unrolled": {"oct": "b" * 64}}
     means = {"oct": (50.0, 60.0), "oct.zarr": (100.0, 99.9), "truth": (29.2, 3.1)}
     return Entry.model_validate({**facts, **digests, "means": means})
@@ -47,7 +47,7 @@ def scored(specimen: str, method: str, jaccard: float | None, *, success: bool =
 def submission(rows: list[Scored], entries: list[Entry], task: str = "segmentation") -> Submission:
     """A submission with these rows."""
     return Submission(
-        set="endoct-bench-1",
+        set="endoct-bench-2",
         half="public",
         size="small",
         task=task,

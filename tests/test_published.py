@@ -131,7 +131,7 @@ def test_a_key_is_written_once_and_for_its_owner(tmp_path: Path) -> None:
 def test_what_is_published_of_a_hidden_half_tells_no_sample() -> None:
     from published_sets import entry
 
-    facts = {"set": "endoct-bench-1", "half": "hidden", "size": "small", "key": "f" * 64, "versions": {}}
+    facts = {"set": "endoct-bench-2", "half": "hidden", "size": "small", "key": "f" * 64, "versions": {}}
     hidden = SpecimenSet.model_validate({**facts, "specimens": (entry("s0"),)})
     assert digests(hidden)["specimens"] == {"s0": entry("s0").digest}
     assert digests(hidden)["key"] == "f" * 64

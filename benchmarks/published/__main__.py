@@ -27,7 +27,7 @@ DIGESTS = "digests.json"
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.published", description=__doc__)
     parser.add_argument("-o", "--output", type=Path)
-    parser.add_argument("--set", default="endoct-bench-1")
+    parser.add_argument("--set", default="endoct-bench-2")
     parser.add_argument("--full", action="store_true", help="five times the small set")
     parser.add_argument("--key", type=Path, help="file of the key of the hidden half")
     parser.add_argument("--new-key", type=Path, help="write a key there, and make nothing")

@@ -3,16 +3,21 @@
 A program is called as ``COMMAND GIVEN ANSWER``, both folders. GIVEN holds ``given.json`` and arrays as ``.npy``; the
 program writes ``answer.json`` and arrays into ANSWER. ``{"declined": "why"}`` in ``answer.json`` says "I do not know".
 What both folders hold is up to the task, see :class:`endoct.workbench.bench.task.Exchange`.
+
+A program has bounds of time, memory and what it writes. The folder of the truth can be hidden from it: Linux lets every
+user see a file system of his own, in which an empty one lies over that folder.
 """
 
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,59 +31,81 @@ from endoct.base.files.json_values import read_object
 from endoct.base.files.npy import read_npy
 from endoct.base.files.scratch import TemporaryFolder
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.task import AnyTask, Declined, Exchange, method_names
+from endoct.workbench.bench.task import AnyTask, Declined, Exchange, NotInstalled, method_names
 
 GIVEN, ANSWER = "given.json", "answer.json"
 LONGEST_LAST_WORDS = 200
 LONGEST_S = 3600.0
 MOST_BYTES = 1_000_000_000
-"""What a program may take for one case, and what it may print and answer altogether; beyond either it is ended."""
+MOST_MEMORY_BYTES = 16_000_000_000
+"""What a program may take for one case, what it may print and write altogether, and what each of its processes may hold
+in memory; beyond any it is ended."""
 LOOK_S = 0.02
 """How often a program is looked at."""
+_BOUNDED = 'ulimit -d "$0" 2>/dev/null; exec "$@"'
+_NAMESPACE = ("unshare", "--user", "--map-root-user", "--mount")
+_HIDING = (
+    f"""mount -t tmpfs -o ro hidden "$0" && {{ cd "$PWD" 2>/dev/null || cd /; }} && exec {" ".join(_NAMESPACE)} "$@\""""
+)
+"""Hides a folder, enters the present one anew, as it may lie there, and gives up the right to unhide anything."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """A method that calls a program. ``command`` is split as a shell does, and run without one."""
+    """A method that calls a program. ``command`` is split as a shell does, and run without one.
+
+    ``hidden``: a folder that it must not see, where the system can hide it, see :func:`can_hide`.
+    """
 
     command: str
     exchange: Exchange[Any, Any]
+    hidden: Path | None = None
 
     def __call__(self, *given: object) -> object:
         """Return the program's answer. Raises :class:`EndoctError` where it fails or answers nothing."""
         case = given[0] if len(given) == 1 else given
         with TemporaryFolder("program") as scratch:
-            folders = [Path(scratch) / name for name in ("given", "answer")]
+            folders = [Path(scratch) / name for name in ("given", "answer", "temporary")]
             for folder in folders:
                 folder.mkdir()
             self.exchange.write(case, folders[0])
             self._run(folders)
+            _check_links(folders[1])
             answer = read_answer(folders[1])
+            if isinstance(missing := answer.get("missing"), list):
+                raise NotInstalled(*missing)
             if isinstance(reason := answer.get("declined"), str):
                 raise Declined(reason)
             return self.exchange.read(case, folders[1])
 
     def _run(self, folders: list[Path]) -> None:
-        command = [*shlex.split(self.command), *map(str, folders)]
+        command = [*shlex.split(self.command), *map(str, folders[:2])]
+        if shutil.which(command[0]) is None:
+            raise EndoctError(f"the program '{command[0]}' cannot be run", found="no such program")
         out, err = (folders[0].parent / name for name in ("printed", "complained"))
         try:
             with (
                 out.open("wb") as stdout,
                 err.open("wb") as stderr,
-                process_group(command, stdout=stdout, stderr=stderr) as process,
+                process_group(
+                    bounded(command, self.hidden),
+                    stdout=stdout,
+                    stderr=stderr,
+                    env={**os.environ, "TMPDIR": str(folders[2])},
+                ) as process,
             ):
-                self._wait(process, (out, err, folders[1]))
+                self._wait(process, folders[0].parent)
         except OSError as error:
             raise EndoctError(f"the program '{command[0]}' cannot be run", found=cause_of(error)) from error
         if process.returncode:
             last = _last_words(err) or _last_words(out) or "nothing printed"
             raise EndoctError(f"the program failed with exit status {process.returncode}", found=last)
 
-    def _wait(self, process: "subprocess.Popen[bytes]", written: tuple[Path, ...]) -> None:
+    def _wait(self, process: "subprocess.Popen[bytes]", scratch: Path) -> None:
         """Wait for a program. Raises :class:`EndoctError` where it takes or writes more than it may."""
-        until = time.monotonic() + LONGEST_S
+        until, given = time.monotonic() + LONGEST_S, _size(scratch)
         while True:
-            if (n_bytes := sum(map(_size, written))) > MOST_BYTES:
+            if (n_bytes := _size(scratch) - given) > MOST_BYTES:
                 raise EndoctError(
                     "the program was ended: it writes too much",
                     found=f"{n_bytes / 1e9:.3g} GB",
@@ -89,6 +116,39 @@ class Program:
             with suppress(subprocess.TimeoutExpired):
                 process.wait(LOOK_S)
                 return
+
+
+def bounded(command: Sequence[str], hidden: Path | None) -> list[str]:
+    """Return the command that runs ``command`` with bounded memory, and with a folder hidden where that can be done."""
+    if os.name != "posix":
+        return [*command]
+    hiding = [] if hidden is None or not can_hide() else hiding_command(hidden)
+    return ["/bin/sh", "-c", _BOUNDED, str(MOST_MEMORY_BYTES // 1024), *hiding, *command]
+
+
+def hiding_command(folder: Path) -> list[str]:
+    """Return what to put before a command that shall not see ``folder``."""
+    return [*_NAMESPACE, "/bin/sh", "-c", _HIDING, str(folder)]
+
+
+@cache
+def can_hide() -> bool:
+    """Say whether this system can hide a folder from a program: Linux, where users may have namespaces."""
+    with TemporaryFolder("hidden") as folder:
+        inside = Path(folder) / "inside"
+        inside.touch()
+        look = [*hiding_command(Path(folder)), "test", "!", "-e", str(inside)]
+        with suppress(OSError):
+            return not subprocess.run(look, capture_output=True, check=False).returncode
+    return False
+
+
+def _check_links(folder: Path) -> None:
+    """Raise :class:`EndoctError` where an answer holds a link: it could lead to what its program must not read."""
+    for path, folders, names in os.walk(folder):
+        for name in (*folders, *names):
+            if Path(path, name).is_symlink():
+                raise EndoctError("the answer holds a link", found=name, expected="files and folders")
 
 
 def _size(path: Path) -> int:
@@ -166,6 +226,16 @@ def write_panorama(folder: Path, panorama: Panorama) -> None:
         "travel_known": panorama.travel_known,
     }
     write_given(folder, facts, intensity=panorama.intensity, valid=panorama.valid, depth_mm=panorama.depth_mm)
+
+
+def write_answer(folder: Path, said: Mapping[str, object]) -> None:
+    """Write ``answer.json``."""
+    (folder / ANSWER).write_text(json.dumps(said, default=_plain), encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """Return a number or an array of NumPy as JSON has it."""
+    return value.tolist()
 
 
 def read_answer(folder: Path) -> dict[str, Any]:

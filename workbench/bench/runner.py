@@ -4,9 +4,8 @@ The cases are chosen by seeds and by the ranges that conditions are drawn from.
 """
 
 import difflib
-import hashlib
 import math
-import random
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,11 +14,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-import cv2
-import numpy as np
-
 from endoct.base.entry_points import Function
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.apart import apart, seed_global_generators
 from endoct.workbench.bench.program import with_programs
 from endoct.workbench.bench.task import (
     AnyCase,
@@ -47,7 +44,8 @@ Source = tuple[int, int] | Path
 class Plan:
     """What to run: cases from ``seeds`` × ``count``, drawn from ``ranges``, or those in the folders ``own``.
 
-    ``programs``: the commands of methods that are programs, by name.
+    ``programs``: the commands of methods that are programs, by name. ``hidden``: the folder that holds the truth of
+    ``own``, where every method runs in a process of its own and must not see it.
     """
 
     task: str
@@ -57,6 +55,7 @@ class Plan:
     ranges: Mapping[str, Range] | None = None
     own: tuple[Path, ...] = ()
     programs: Mapping[str, str] = field(default_factory=dict)
+    hidden: Path | None = None
 
     def load_task(self) -> AnyTask:
         """Return the task with the plan's programs as methods."""
@@ -73,8 +72,8 @@ class Row:
     """What came of one method on one case.
 
     ``status`` is "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
-    "missing" (a library is not installed). All but "ok" have a ``reason``. ``seconds`` are wall time in the method
-    alone, ``cpu_seconds`` those of all its threads.
+    "missing" (a library is not installed). All but "ok" have a ``reason``. ``seconds`` are wall time in the method,
+    and in its process where it has one; ``cpu_seconds`` are those of all its threads and processes.
     """
 
     case: str
@@ -150,6 +149,8 @@ def _run_by_processes(
 def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
     """Run every method on the cases of one source, BLAS with one thread for all."""
     task = plan.load_task()
+    if plan.hidden is not None:
+        task = apart(task, plan.methods, plan.hidden)
     cases = _cases(task, source, plan)
     rows: list[Row] = []
     for case in cases:
@@ -180,12 +181,12 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
     seconds = cpu_seconds = 0.0
     try:
         method = load_method(task, name)
-        _seed_global_generators(case.name)
-        start, cpu_start = time.perf_counter(), time.process_time()
+        seed_global_generators(case.name)
+        start, cpu_start = time.perf_counter(), _cpu_s()
         try:
             answer = _call(method, case)
         finally:
-            seconds, cpu_seconds = time.perf_counter() - start, time.process_time() - cpu_start
+            seconds, cpu_seconds = time.perf_counter() - start, _cpu_s() - cpu_start
         scores = _judged(task, case, answer)
     except Declined as declined:
         status, reason, scores = "declined", declined.reason, _numbers(declined.scores)
@@ -221,12 +222,9 @@ def _reason(error: Exception) -> str:
     return text if isinstance(error, EndoctError) else f"{type(error).__name__}: {text}"
 
 
-def _seed_global_generators(name: str) -> None:
-    """Make methods that draw from a library's global generator repeatable, in any order of cases."""
-    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "little") // 2
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002 – the one that libraries draw from
-    cv2.setRNGSeed(seed)
+def _cpu_s() -> float:
+    """Return the seconds of all processors that this process has taken, and those of its that have ended."""
+    return sum(os.times()[:4])
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:

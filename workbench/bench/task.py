@@ -80,6 +80,7 @@ class NotInstalled(Exception):
     """
 
     def __init__(self, library: str, remedy: str | None = None) -> None:
+        self.library, self.remedy = library, remedy
         super().__init__(f"{library} is not installed; {remedy or f'pip install {library}'}")
 
 
@@ -90,13 +91,15 @@ class Exchange(Generic[Given, Answer]):
     Attributes
     ----------
     files: what both folders hold, for people who write one.
-    write: ``write(given, folder)`` writes what a method is called with.
+    write: ``write(given, folder)`` writes what a method is called with, and nothing that leads to the truth.
     read: ``read(given, folder)`` returns the answer; raises where it is none.
+    answer: ``answer(answer, folder)`` writes what a method in Python answered, so that ``read`` returns it.
     """
 
     files: str
     write: Callable[[Given, Path], None]
     read: Callable[[Given, Path], Answer]
+    answer: Callable[[Answer, Path], None]
 
 
 @dataclass(frozen=True)

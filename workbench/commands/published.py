@@ -8,15 +8,16 @@ from tyro.conf import Positional, arg
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
+from endoct.base.files.scratch import new_file
 from endoct.workbench.commands.console import command_stages, print_json, print_line
 from endoct.workbench.requests import OutputPath
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
-SET = "endoct-bench-1"
+SET = "endoct-bench-2"
 
 
 def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = False) -> int:
-    """Make the public half of the published benchmark endoct-bench-1, or what is missing of it in the folder.
+    """Make the public half of the published benchmark endoct-bench-2, or what is missing of it in the folder.
 
     Args:
         output: folder of the set
@@ -125,7 +126,9 @@ class Submit:
 def check(
     submission: Positional[Path],
     data: Positional[Path],
+    nonce: str,
     sample: int = 2,
+    receipt: Path | None = None,
     methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
     program: tuple[str, ...] = (),
     json: bool = False,
@@ -135,14 +138,16 @@ def check(
     Args:
         submission: the file that `endoct bench submit` wrote
         data: folder of the set it was run on
+        nonce: any text that you make up now and told nobody; it draws the specimens that are run again
         sample: how many specimens to run again
+        receipt: file to write for `endoct bench board --receipts`
         methods: names of methods, separated by commas; default: all of the submission, but programs only
             where --program says how
         program: how to run a method that is a program, NAME=COMMAND
         json: print as JSON
     """
     from endoct.workbench.bench.program import parse_programs
-    from endoct.workbench.bench.published.submission import check as run
+    from endoct.workbench.bench.published.checking import check as run
     from endoct.workbench.settings import listed_names
 
     if sample < 1:
@@ -151,10 +156,14 @@ def check(
         submission,
         data,
         sample=sample,
+        nonce=nonce,
         methods=listed_names(methods),
         programs=parse_programs(program),
         stages=command_stages(json),
     )
+    if receipt is not None:
+        with new_file(receipt) as file:
+            file.write((checked.receipt.model_dump_json(indent=1) + "\n").encode())
     counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
     if json:
         reruns = [
@@ -183,23 +192,30 @@ def check(
     return UNUSABLE_INPUT if counts["different"] and checked.is_of_equal_data else DONE
 
 
-def board(folder: Positional[Path], output: OutputPath, overwrite: bool = False, json: bool = False) -> int:
+def board(
+    folder: Positional[Path],
+    output: OutputPath,
+    receipts: Path | None = None,
+    overwrite: bool = False,
+    json: bool = False,
+) -> int:
     """Draw the board of all submissions in a folder: one HTML page that opens offline.
 
     Args:
         folder: folder with files that `endoct bench submit` wrote
         output: the page to write
+        receipts: folder of receipts of `endoct bench check`; what has none is marked, and follows after the rest
         overwrite: replace the output if it exists
         json: print where endoct is beaten as JSON
     """
     from endoct.workbench.bench.published.board import write_board
 
-    boards = write_board(folder, output, overwrite=overwrite)
+    boards = write_board(folder, output, receipts=receipts, overwrite=overwrite)
     if json:
         print_json({one.task: [asdict(loss) for loss in one.losses()] for one in boards})
         return DONE
     for one in boards:
-        beaten = ", ".join(f"{loss.method} ({loss.generator})" for loss in one.losses())
+        beaten = ", ".join(f"{loss.method} ({loss.generator}, {loss.side or 'all'})" for loss in one.losses())
         print_line(f"{one.task}: {len(one.entrants)} methods; endoct is beaten by {beaten or 'none'}")
     print_line(f"board: {output}")
     return DONE

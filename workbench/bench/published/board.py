@@ -25,12 +25,14 @@ GENERATORS = {"simulator": "endoct's simulator", "second": "the second generator
 WORDS_OF_STATUS = {"ok": "", "declined": "declined", "failed": "failed", "missing": "missing"}
 
 
-def write_board(folder: Path, output: Path, *, overwrite: bool = False) -> list[TaskBoard]:
+def write_board(
+    folder: Path, output: Path, *, receipts: Path | None = None, overwrite: bool = False
+) -> list[TaskBoard]:
     """Write the board of the submissions in ``folder`` as one HTML file that opens offline; return what is on it.
 
     Raises :class:`endoct.base.errors.EndoctError` where a submission cannot be used, or ``output`` exists.
     """
-    boards = read_boards(folder)
+    boards = read_boards(folder, receipts)
     names = dict.fromkeys(board.set for board in boards)
     page = rendered(
         "bench.published/board.html",
@@ -47,24 +49,39 @@ def _section(board: TaskBoard) -> dict[str, object]:
     return {
         "board": board,
         "losses": [_sentence(loss) for loss in board.losses()],
-        "tables": [(GENERATORS[one], board.standings(one)) for one in board.generators],
+        "tables": [
+            (", ".join(filter(None, (GENERATORS[one], side))), board.standings(one, side=side))
+            for one in board.generators
+            for side in board.sides(one)
+        ],
         "curves": _svg(_curves(board)),
         "costs": _svg(_costs(board)),
         "specimens": [(GENERATORS[one], _by_case(board, one)) for one in board.generators],
         "origins": [[visible(one.name), visible(one.origin), one.file] for one in board.entrants],
         "runs": _runs(board),
         "number": number,
+        "check": _check,
         "interval": interval,
         "visible": visible,
         "ours": OURS,
     }
 
 
+def _check(entrant: Entrant) -> str:
+    """Return how far an entrant's scores were checked, in words."""
+    if entrant.checked < 0:
+        return "other scores when run again"
+    n_specimens = len(entrant.submission.specimens)
+    return f"{entrant.checked} of {n_specimens} specimens" if entrant.checked else "not checked"
+
+
 def _sentence(loss: Loss) -> str:
     even = f", even in {loss.even}" if loss.even else ""
+    where = ", ".join(filter(None, (GENERATORS[loss.generator], loss.side)))
     return (
-        f"{visible(loss.method)} on {GENERATORS[loss.generator]}: better in {loss.better} cases, worse in {loss.worse}"
-        f"{even}; median {number(loss.theirs)} against {number(loss.ours)} where both answered"
+        f"{visible(loss.method)} on {where}: succeeds in {loss.successes[0]} cases, endoct in {loss.successes[1]}; "
+        f"better in {loss.better} cases, worse in {loss.worse}{even} (p = {loss.p:.2g}); "
+        f"median {number(loss.theirs)} against {number(loss.ours)} where both answered"
     )
 
 

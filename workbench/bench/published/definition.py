@@ -30,8 +30,6 @@ LEFT_OUT_BITS = 11
 """Of the 64 bits that are drawn so many are left out, so that any program that reads JSON holds a seed exactly."""
 FULL = 5
 """A full set has so many times the specimens of a small one."""
-SPLIT_OF: tuple[Split, ...] = ("train", "validation", "train", "train")
-"""The public half is there to learn from: of four specimens of a kind in a row the second is for validation."""
 
 
 class Stored(BaseModel):
@@ -70,7 +68,11 @@ class Kind(Stored):
 
 
 class Definition(Stored):
-    """A benchmark: see ``endoct-bench-1.toml``. ``simulator`` is the version of what the simulator writes."""
+    """A benchmark: see ``endoct-bench-2.toml``. ``simulator`` is the version of what the simulator writes.
+
+    ``splits``: those of the public half's specimens of a kind, in turn. Methods are scored on "test". The first
+    benchmark had no such split; it is closed, and its board can only be read.
+    """
 
     name: str
     title: str
@@ -78,6 +80,7 @@ class Definition(Stored):
     public_key: int
     tasks: dict[str, ScoredTask]
     kinds: tuple[Kind, ...]
+    splits: tuple[Split, ...] = ("train", "validation", "train", "train")
 
 
 @dataclass(frozen=True)
@@ -125,5 +128,5 @@ def planned(definition: Definition, half: Half, size: Size, key: int) -> Iterato
     for place, kind in enumerate(definition.kinds):
         for number in range(kind.count * (FULL if size == "full" else 1)):
             drawn = SeedSequence(key, spawn_key=(place, number)).generate_state(1, "uint64")[0]
-            split: Split = "test" if half == "hidden" else SPLIT_OF[number % len(SPLIT_OF)]
+            split: Split = "test" if half == "hidden" else definition.splits[number % len(definition.splits)]
             yield Planned(f"{kind.name}-{number:03d}", kind, int(drawn >> LEFT_OUT_BITS), split)

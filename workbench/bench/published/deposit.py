@@ -25,7 +25,7 @@ COLUMNS: Mapping[str, str] = {
     "name": "The folder of the specimen.",
     "generator": "Who made it: endoct's simulator, or the second generator, which shares no code with endoct.",
     "difficulty": "easy, middle or hard.",
-    "split": "train or validation in the public half, test in the hidden one.",
+    "split": "train, or test: what methods are scored on.",
     "tasks": "The tasks that the specimen is for, separated by spaces.",
     "digest": "sha256 of the digests of its recordings, truth and panoramas, as set.json lists them.",
 }

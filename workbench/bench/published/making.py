@@ -115,7 +115,7 @@ def _begin(output: Path, begun: SpecimenSet) -> None:
     check_place(output)
     if (output / SET_FILE).is_file():
         there = read_set(output)
-        if (there.set, there.half, there.key) != (begun.set, begun.half, begun.key):
+        if (there.half, there.key) != (begun.half, begun.key):  # the same key, the same specimens
             raise EndoctError(
                 f"{output} holds another set",
                 found=f"the {there.half} half of {there.set}",
@@ -191,7 +191,7 @@ def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
         with refusing(f"{place} is no specimen of a set", remedy="move it away; it is then made again"):
             stated = Entry.model_validate_json(read_small(place / SPECIMEN_FILE))
         check_specimen(output, stated)
-        return stated
+        return stated.model_copy(update={"tasks": kind.tasks, "split": specimen.split})
     with scratch_next_to(place) as scratch:
         folder = scratch / specimen.name
         write(folder, specimen)

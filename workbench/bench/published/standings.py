@@ -1,6 +1,6 @@
 """Where methods stand on a published set: by generator and difficulty, and where endoct's own are beaten."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +9,7 @@ from scipy import stats
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published.checking import Receipt, read_receipts
 from endoct.workbench.bench.published.definition import (
     DIFFICULTIES,
     Difficulty,
@@ -19,7 +20,7 @@ from endoct.workbench.bench.published.definition import (
     load_definition,
     planned,
 )
-from endoct.workbench.bench.published.submission import Scored, Submission, read_submission
+from endoct.workbench.bench.published.submission import Scored, Submission, digest_of, read_submission
 from endoct.workbench.bench.published.submitted import MOST_METHODS, OURS, check_credible
 from endoct.workbench.bench.results.score_summary import Share, share
 from endoct.workbench.bench.task import SUCCESS, load_task
@@ -29,21 +30,26 @@ MOST_FILES = 1000
 
 @dataclass(frozen=True)
 class Entrant:
-    """A method of a submission, by a name that no other of the board has; ``file``: that of the submission."""
+    """A method of a submission, by a name that no other of the board has; ``file``: that of the submission.
+
+    ``checked``: specimens that were run again to the same scores; 0 where none was, -1 where scores were others.
+    """
 
     name: str
     origin: str
     file: str
     submission: Submission
     rows: tuple[Scored, ...]
+    checked: int = 0
 
 
 @dataclass(frozen=True)
 class Standing:
-    """What a method scored on the cases of one generator, or of one of its difficulties.
+    """What a method scored on the cases of one generator, of one of its difficulties, or of one side.
 
-    ``success`` is over all cases. ``median``, with its 95 % interval ``low`` to ``high``, and ``mean`` are of the main
-    score over the ``ok`` cases that have it; NaN where there is none, and the interval where there are too few.
+    ``success`` and ``median`` of the main score, with its 95 % interval ``low`` to ``high``, are over all cases: what
+    was not answered is worse than any answer, infinite. The interval is NaN where there are too few cases. ``mean`` is
+    over the ``ok`` cases that have a score; NaN where there is none.
     """
 
     entrant: Entrant
@@ -61,18 +67,22 @@ class Standing:
 
 @dataclass(frozen=True)
 class Loss:
-    """Where a method beats endoct's own: cases in which it is better, worse and even, of those that either answered.
+    """Where a method beats endoct's own: cases in which it is better, worse and even, and ``p`` of the sign test.
 
-    ``theirs`` and ``ours``: the medians of the main score over the cases that both answered.
+    An answer that succeeds is better than one that does not, and of two alike the main score decides. ``theirs`` and
+    ``ours``: the medians of the main score over the cases that both answered; ``successes``: of both.
     """
 
     generator: Generator
+    side: str
     method: str
     better: int
     worse: int
     even: int
     theirs: float
     ours: float
+    successes: tuple[int, int]
+    p: float
 
 
 @dataclass(frozen=True)
@@ -98,22 +108,40 @@ class TaskBoard:
         """Say whether all entrants were given data that are equal to the bit."""
         return len({one.submission.data_digest for one in self.entrants}) == 1
 
-    def rows(self, entrant: Entrant, generator: Generator, difficulty: Difficulty | None = None) -> list[Scored]:
-        """Return an entrant's rows on the specimens of a generator, or of one of its difficulties."""
+    def sides(self, generator: Generator) -> tuple[str, ...]:
+        """Return which sides the cases of a generator are of, where the task tells: "oct", "endoscope", "both"."""
+        return tuple(sorted({side_of(row) for row in self.rows(self.entrants[0], generator)}))
+
+    def rows(
+        self, entrant: Entrant, generator: Generator, difficulty: Difficulty | None = None, side: str | None = None
+    ) -> list[Scored]:
+        """Return an entrant's rows on the specimens of a generator, or of one of its difficulties, or of a side."""
         wanted = {
             one.name
             for one in entrant.submission.specimens
             if one.generator == generator and difficulty in (None, one.difficulty)
         }
-        return [row for row in entrant.rows if row.specimen in wanted]
+        return [row for row in entrant.rows if row.specimen in wanted and side in (None, side_of(row))]
 
-    def standings(self, generator: Generator, difficulty: Difficulty | None = None) -> list[Standing]:
-        """Return the entrants' standings, best first: by success, then by the main score."""
-        given = [(one, self.rows(one, generator, difficulty)) for one in self.entrants]
-        made = [_standing(one, rows, self.scored.score) for one, rows in given if rows]
+    def standings(
+        self, generator: Generator, difficulty: Difficulty | None = None, side: str | None = None
+    ) -> list[Standing]:
+        """Return the entrants' standings, best first: those that were checked, then by success, then the main score.
+
+        What was not answered is worse than any answer. Who was found to have other scores comes last.
+        """
+        given = [(one, self.rows(one, generator, difficulty, side)) for one in self.entrants]
         sign = -1 if self.scored.better == "higher" else 1
+        made = [_standing(one, rows, self.scored.score, sign) for one, rows in given if rows]
+        trust = {0: 1, -1: 2}
         return sorted(
-            made, key=lambda one: (-one.success.k / one.success.n, np.nan_to_num(sign * one.median, nan=np.inf))
+            made,
+            key=lambda one: (
+                trust.get(one.entrant.checked, 0),
+                -one.success.k / one.success.n,
+                sign * one.median,
+                one.cases - one.ok,
+            ),
         )
 
     def difficulties(self, generator: Generator) -> tuple[Difficulty, ...]:
@@ -122,34 +150,49 @@ class TaskBoard:
         return tuple(one for one in DIFFICULTIES if one in given)
 
     def losses(self) -> list[Loss]:
-        """Return where another method is better than endoct's own in more cases than it is worse."""
+        """Return where another method is better than endoct's own in more cases than it is worse, or succeeds more."""
         ours = next((one for one in self.entrants if one.name == OURS), None)
         if ours is None:
             return []
         losses = [
-            self._loss(generator, ours, one) for generator in self.generators for one in self.entrants if one != ours
+            self._loss(generator, ours, one, side)
+            for generator in self.generators
+            for side in self.sides(generator)
+            for one in self.entrants
+            if one != ours and one.checked >= 0
         ]
-        return [loss for loss in losses if loss.better > loss.worse]
+        return [loss for loss in losses if loss.better > loss.worse or loss.successes[0] > loss.successes[1]]
 
-    def _loss(self, generator: Generator, ours: Entrant, other: Entrant) -> Loss:
+    def _loss(self, generator: Generator, ours: Entrant, other: Entrant, side: str | None = None) -> Loss:
         sign = 1 if self.scored.better == "higher" else -1
-        mine = {row.case: row for row in self.rows(ours, generator)}
+        mine = {row.case: row for row in self.rows(ours, generator, side=side)}
         better = worse = even = 0
         both: list[tuple[float, float]] = []
-        for row in self.rows(other, generator):
+        theirs_of = self.rows(other, generator, side=side)
+        for row in theirs_of:
             if (against := mine.get(row.case)) is None:
                 continue
             theirs, own = (_main(one, self.scored.score) for one in (row, against))
             if np.isfinite(theirs) and np.isfinite(own):
                 both.append((theirs, own))
-            lead = sign * (theirs - own) if np.isfinite(theirs) and np.isfinite(own) else _won(row) - _won(against)
+            lead = float(_won(row) - _won(against))
+            if not lead and np.isfinite(theirs) and np.isfinite(own):
+                lead = sign * (theirs - own)
             better, worse, even = better + (lead > 0), worse + (lead < 0), even + (lead == 0)
         medians = np.median(both, axis=0) if both else (np.nan, np.nan)
-        return Loss(generator, other.name, better, worse, even, float(medians[0]), float(medians[1]))
+        successes = sum(map(_won, theirs_of)), sum(map(_won, mine.values()))
+        p = float(stats.binomtest(better, better + worse).pvalue) if better + worse else 1.0
+        medians_of = float(medians[0]), float(medians[1])
+        return Loss(generator, side or "", other.name, better, worse, even, *medians_of, successes, p)
 
 
-def read_boards(folder: Path) -> list[TaskBoard]:
-    """Return a board for each task and set that the submissions in ``folder`` are of.
+def side_of(row: Scored) -> str:
+    """Return the side that a case is of, as its name says after its specimen's; "" where the task has one case."""
+    return row.case.removeprefix(row.specimen).lstrip("/-").partition("/")[0]
+
+
+def read_boards(folder: Path, receipts: Path | None = None) -> list[TaskBoard]:
+    """Return a board for each task and set that the submissions in ``folder`` are of, and what ``receipts`` say.
 
     Raises :class:`EndoctError` where there is none, one was changed or cannot be believed, there are too many methods,
     or two were run on different recordings.
@@ -160,6 +203,7 @@ def read_boards(folder: Path) -> list[TaskBoard]:
             f"{folder} holds {'too many' if files else 'no'} submissions", expected=f"1 to {MOST_FILES} JSON files"
         )
     read = [(path.stem, read_submission(path)) for path in files]
+    known = read_receipts(receipts)
     boards = []
     for key in dict.fromkeys((one.set, one.half, one.size, one.task) for _, one in read):
         same = [(name, one) for name, one in read if (one.set, one.half, one.size, one.task) == key]
@@ -169,13 +213,17 @@ def read_boards(folder: Path) -> list[TaskBoard]:
         if task_name not in definition.tasks:
             raise EndoctError(f"{name} has no task '{task_name}'", expected=" or ".join(definition.tasks))
         generators = {one.generator for one in same[0][1].specimens}
-        kinds = ((one.name, one.kind) for one in planned(definition, half, size, definition.public_key))
-        whole = [one for one, kind in kinds if kind.generator in generators and task_name in kind.tasks]
+        all_planned = [
+            one
+            for one in planned(definition, half, size, definition.public_key)
+            if one.kind.generator in generators and task_name in one.kind.tasks
+        ]
+        whole = [one.name for one in all_planned if one.split == "test"] or [one.name for one in all_planned]
         for file, one in same:
             check_credible(one, file, whole)
         scored = definition.tasks[task_name]
         meaning = load_task(task_name).scores[scored.score]
-        boards.append(TaskBoard(name, half, size, task_name, scored, meaning, tuple(_entrants(same))))
+        boards.append(TaskBoard(name, half, size, task_name, scored, meaning, tuple(_entrants(same, known))))
     return boards
 
 
@@ -193,24 +241,30 @@ def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
             )
 
 
-def _entrants(same: Sequence[tuple[str, Submission]]) -> list[Entrant]:
+def _entrants(same: Sequence[tuple[str, Submission]], known: Mapping[str, Sequence[Receipt]]) -> list[Entrant]:
     n_methods = sum(len(submission.methods) for _, submission in same)
     if n_methods > MOST_METHODS:
         raise EndoctError("a board has too many methods", found=f"{n_methods}", expected=f"{MOST_METHODS} at most")
     entrants: list[Entrant] = []
-    for file, submission in same:
+    receipts = {file: known.get(digest_of(submission), ()) for file, submission in same}
+    for file, submission in sorted(same, key=lambda one: not receipts[one[0]]):  # a name is first of who was checked
         for name, origin in submission.methods.items():
+            checks = [one for one in receipts[file] if name in one.verdicts]
+            checked = len({specimen for one in checks for specimen in one.specimens})
+            if any(one.verdicts[name] == "different" for one in checks):
+                checked = -1
             taken = any(one.name == name for one in entrants)
             rows = tuple(row for row in submission.rows if row.method == name)
-            entrants.append(Entrant(f"{name} ({file})" if taken else name, origin, file, submission, rows))
+            entrants.append(Entrant(f"{name} ({file})" if taken else name, origin, file, submission, rows, checked))
     return entrants
 
 
-def _standing(entrant: Entrant, rows: Sequence[Scored], score: str) -> Standing:
+def _standing(entrant: Entrant, rows: Sequence[Scored], score: str, sign: int) -> Standing:
     status = [row.status for row in rows]
-    values = np.array([_main(row, score) for row in rows])
-    values = values[np.isfinite(values)]
-    low, high = _interval(values)
+    every = np.array([_main(row, score) for row in rows])
+    values = every[np.isfinite(every)]
+    every = np.where(np.isfinite(every), every, sign * np.inf)
+    low, high = _interval(every)
     return Standing(
         entrant,
         len(rows),
@@ -218,7 +272,7 @@ def _standing(entrant: Entrant, rows: Sequence[Scored], score: str) -> Standing:
         status.count("declined"),
         status.count("failed"),
         share(sum(map(_won, rows)), len(rows)),
-        float(np.median(values)) if values.size else np.nan,
+        float(np.median(every)),
         low,
         high,
         float(values.mean()) if values.size else np.nan,

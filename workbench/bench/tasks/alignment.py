@@ -22,7 +22,7 @@ from endoct.fusion.registration.align import align, open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import load_side
-from endoct.workbench.bench.program import read_answer, write_panorama
+from endoct.workbench.bench.program import read_answer, write_answer, write_panorama
 from endoct.workbench.bench.task import Case, Declined, Exchange, Range, Task, draw, rng_of
 from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
@@ -183,6 +183,14 @@ def _write_pair(given: tuple[Panorama, Panorama], folder: Path) -> None:
         write_panorama(folder / name, panorama)
 
 
+def _write_alignment(answer: Alignment | NotAligned, folder: Path) -> None:
+    if isinstance(answer, NotAligned):
+        write_answer(folder, {"declined": answer.reason})
+        return
+    names = "theta_shift_rad", "z_shift_mm", "z_scale", "mirrored", "z_reversed"
+    write_answer(folder, {name: getattr(answer, name) for name in names})
+
+
 def _read_alignment(given: tuple[Panorama, Panorama], folder: Path) -> Alignment:
     del given
     answer = read_answer(folder)
@@ -217,6 +225,7 @@ TASK = Task(
         "mirrored and z_reversed: θ_A = θ_shift ± θ_B, z_A = z_shift + z_scale · ±z_B.",
         write=_write_pair,
         read=_read_alignment,
+        answer=_write_alignment,
     ),
 )
 

@@ -150,6 +150,10 @@ def _write_views(views: Views, folder: Path) -> None:
     (folder / "views.json").write_text(json.dumps(facts), encoding="utf-8")
 
 
+def _write_depth(answer: Image, folder: Path) -> None:
+    np.save(folder / "depth_mm.npy", answer, allow_pickle=False)
+
+
 def _read_depth(views: Views, folder: Path) -> Image:
     del views  # the judge knows its samples
     return read_array(folder, "depth_mm").astype(np.float32)
@@ -182,5 +186,6 @@ TASK = Task(
         "goes on for 1 mm behind the wall. answer: depth_mm.npy, (z, θ), NaN where not known.",
         write=_write_views,
         read=_read_depth,
+        answer=_write_depth,
     ),
 )

@@ -1,11 +1,13 @@
 """The task "oct": an OCT recording unrolled, with the catheter off the axis and turning unevenly.
 
-Specimens are simulated, small (16 slices of 512 A-scans). A method's cells are compared with the true ones on its own
-rows. No OCT recording knows the one angle that is common to all its slices: every method gets the one that fits best.
+Specimens are simulated, small (16 slices of 512 A-scans). A method's cells are compared with the true ones on every
+slice and all around, and what it does not know is wrong. No OCT recording knows the one angle that is common to all its
+slices: every method gets the one that fits best.
 """
 
+import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +22,13 @@ from endoct.modalities.recognition import open_recording
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import per_frame
+from endoct.stitching.store import load_panorama, save_panorama
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.program import read_answer, read_array, write_given
 from endoct.workbench.bench.task import SUCCESS, Case, Exchange, Range, Task, draw
 from endoct.workbench.bench.tasks.ablate import STEPS
-from endoct.workbench.pipeline.truth import TruePose, Truth, load_truth, true_cells, true_pose
+from endoct.workbench.pipeline.truth import Truth, load_truth, true_pose
 
 CAPILLARY_MM = 1.7
 GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves next to the largest sheath drawn
@@ -33,6 +36,9 @@ DRIFT_MM = 0.02
 GOOD_ENOUGH = 0.8
 RIM_REACH_RAD = 0.35  # as far as a rim may lie from the true one to count as that rim: 20°
 N_NOMINAL = 256
+STORE = "panorama.zarr"
+N_JUDGED = 1024
+"""Samples around of each slice that are judged."""
 PRESET: PresetName = "learning"
 RANGES: Mapping[str, Range] = {
     "off_axis": (0.0, 0.8),
@@ -71,24 +77,62 @@ def own_cases(specimen: Path) -> list[Case[Path, Truth]]:
     return [Case(specimen.name, specimen / "oct", truth, {"specimen": specimen.name})]
 
 
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A panorama on the samples that the judge fixes, all bool (n_slices, :data:`N_JUDGED`), whatever was answered.
+
+    ``known``: what the answer calls valid; ``cells``: its cells, False where not known; ``true``: the true cells.
+    """
+
+    known: Mask
+    cells: Mask
+    true: Mask
+
+
 def judge(case: Case[Path, Truth], answer: object) -> dict[str, float]:
-    """Score a panorama. Raises :class:`EndoctError` for an answer that is none, or none of this recording."""
+    """Score a panorama over every slice and all around; what it does not know is wrong there.
+
+    Raises :class:`EndoctError` for an answer that is none, or none of this recording.
+    """
     if not isinstance(answer, Panorama):
         raise EndoctError("that is no panorama", found=type(answer).__name__)
-    truth = case.truth
-    pose = _fitted(true_pose(answer, truth), truth, answer)
-    cells, true = segment(answer), true_cells(truth, pose, answer)
-    overlap = jaccard(cells, true, answer.valid)
-    rims = _rim_errors_rad(cells, true, answer.valid)
-    beams = beam_errors_rad(answer, truth) if "start_angle_rad" in answer.per_frame else np.full((1, 1), np.nan)
+    on = judged_samples(case.truth, answer)
+    overlap = jaccard(np.where(on.known, on.cells, ~on.true), on.true, np.ones_like(on.true))
+    rims = _rim_errors_rad(on.cells, on.true, on.known)
+    beams = beam_errors_rad(answer, case.truth) if "start_angle_rad" in answer.per_frame else np.full((1, 1), np.nan)
     return {
-        SUCCESS: float(overlap is None or overlap >= GOOD_ENOUGH),
+        SUCCESS: float(overlap is not None and overlap >= GOOD_ENOUGH),
         "jaccard": np.nan if overlap is None else overlap,
         "rim_deg": float(np.rad2deg(np.median(np.abs(rims)))) if rims.size else np.nan,
         "beam_deg": _rms_deg(beams),
         "within_deg": _rms_deg(beams - beams.mean(axis=1, keepdims=True)),
-        "valid": float(answer.valid.mean()),
+        "valid": float(on.known.mean()),
     }
+
+
+def judged_samples(truth: Truth, answer: Panorama) -> Judged:
+    """Return the cells of a panorama, and the true ones, on every slice that was recorded and all around.
+
+    Each slice is judged where it was truly recorded, wherever the answer puts it. The common angle is the one at which
+    the cells lie most on true ones. Raises :class:`EndoctError` where the rows are not one a slice.
+    """
+    pose = true_pose(answer, truth)
+    index, of = answer.per_frame["slice_index"].values, truth.recording["oct"]
+    if index.size != answer.grid.n_z or np.unique(index).size != index.size:
+        raise EndoctError("the rows are not one a slice", found=f"{answer.grid.n_z} rows of {index.size} slices")
+    theta = 2 * np.pi * np.arange(N_JUDGED) / N_JUDGED
+    columns = np.rint((theta - answer.grid.theta0_rad) / answer.grid.dtheta_rad).astype(int) % answer.grid.n_theta
+    known, cells = np.zeros((2, len(of["z_mm"]), N_JUDGED), np.bool_)
+    known[index] = answer.valid[:, columns]
+    cells[index] = (segment(answer) & answer.valid)[:, columns]
+    z_mm, n_theta = truth.wall["z"], truth.wall["theta"].size
+    places = (np.asarray(of["z_mm"]) + of.get("z_advance_mm", 0.0) / 2 - z_mm[0]) / (z_mm[1] - z_mm[0])
+    rows = np.clip(np.rint(places), 0, z_mm.size - 1).astype(int)
+    around = np.rint(pose.theta_bore(theta) / (2 * np.pi) * n_theta).astype(int) % n_theta
+    true = np.asarray(truth.wall["cell"][np.ix_(rows, around)], np.bool_)
+    spectrum = np.fft.rfft(true, axis=1) * np.conj(np.fft.rfft(cells, axis=1))
+    best = int(np.argmax(np.fft.irfft(spectrum.sum(axis=0), n=N_JUDGED)))
+    return Judged(known, cells, np.roll(true, -best, axis=1))
 
 
 def _rms_deg(errors_rad: Coordinates) -> float:
@@ -132,17 +176,6 @@ def _true_error_rad(of: Mapping[str, Any], index: int, nominal_rad: Coordinates)
     return np.asarray(angle - nominal_rad)
 
 
-def _fitted(pose: TruePose, truth: Truth, panorama: Panorama) -> TruePose:
-    """The pose with the common angle at which the panorama's cells lie most on true ones."""
-    cells = segment(panorama) & panorama.valid
-    true = true_cells(truth, pose, panorama)
-    spectrum = np.fft.rfft(cells, axis=1) * np.conj(np.fft.rfft(true, axis=1))
-    best = int(np.argmax(np.fft.irfft(spectrum.sum(axis=0), n=cells.shape[1])))
-    return TruePose(
-        pose.theta0_rad - pose.sense * best * panorama.grid.dtheta_rad, pose.sense, pose.z_panorama_mm, pose.z_bore_mm
-    )
-
-
 def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
     """How far rims lie from the nearest true ones of the same kind in the row, rad; rims too far are left out."""
     n = cells.shape[1]
@@ -161,11 +194,18 @@ def _rim_errors_rad(cells: Mask, true: Mask, valid: Mask) -> Coordinates:
 
 
 def _write_recording(recording: Path, folder: Path) -> None:
-    write_given(folder, {"recording": str(recording.absolute())})
+    copy = shutil.copytree(recording, folder / "recording")  # the truth lies beside the original
+    write_given(folder, {"recording": str(copy.absolute())})
+
+
+def _write_answer(answer: Panorama, folder: Path) -> None:
+    save_panorama(answer, folder / STORE)
 
 
 def _read_panorama(recording: Path, folder: Path) -> Panorama:
     """Return the answer of a program as a panorama of the recording."""
+    if (folder / STORE).is_dir():
+        return load_panorama(folder / STORE)
     _, stream = open_recording(recording)
     sidecar, answer = stream.acquisition.model_dump(), read_answer(folder)
     depth = read_array(folder, "depth_mm").astype(np.float32)
@@ -205,20 +245,21 @@ TASK = Task(
     judge=judge,
     ranges=RANGES,
     scores={
-        "jaccard": "Jaccard index of the cells against the true ones, own rows",
+        "jaccard": "Jaccard index of the cells against the true ones, every slice, wrong where not known",
         "rim_deg": "rims of cells, median distance from the true ones, degrees",
         "beam_deg": "angle of beams, rms error after what was corrected, degrees",
         "within_deg": "the same within turns, the mean of each slice taken off, degrees",
-        "valid": "share of samples called valid",
+        "valid": "share of the judged samples called valid",
     },
     own=own_cases,
     against="endoct",
     exchange=Exchange(
         files="given: given.json with recording, the path of the pullback's folder. answer: depth_mm.npy, (slice, θ) "
         "by ascending z, mm behind the bore's nominal wall, NaN where not known; answer.json with slice_index and "
-        "slice_z_mm, a number a row.",
+        "slice_z_mm, a number a row. Or panorama.zarr, as endoct stores one.",
         write=_write_recording,
         read=_read_panorama,
+        answer=_write_answer,
     ),
 )
 

@@ -26,7 +26,7 @@ from endoct.workbench.bench.cases.bores import (
     posed_case,
 )
 from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
-from endoct.workbench.bench.program import read_answer, write_given, write_panorama
+from endoct.workbench.bench.program import read_answer, write_answer, write_given, write_panorama
 from endoct.workbench.bench.task import SUCCESS, Declined, Exchange, Range, Task, draw
 
 if TYPE_CHECKING:
@@ -72,7 +72,8 @@ class Located:
     """Where the panoramas of a bore lie, in the order in which they were given; None for one that was left aside.
 
     Of two, the one with depth has to be located: the judge goes by it. Methods that state how sure they are have a
-    ``covariance``: (3, 3) in mm², of the axis across it, at a place (3,) along it, LPS.
+    ``covariance``: (3, 3) in mm², of the axis across it, at a place (3,) along it, LPS: a square along the axis, which
+    does not bend.
     """
 
     sides: tuple[LocatedSide | None, ...]
@@ -176,8 +177,33 @@ def _write_given(given: Given, folder: Path) -> None:
     write_given(folder, facts, ct=ct.voxels)
 
 
+def _write_located(answer: Located, folder: Path) -> None:
+    sides = [None if side is None else {"ends_mm": side.ends_mm, "zero": side.zero} for side in answer.sides]
+    said: dict[str, object] = {"sides": sides}
+    axis = next((side.ends_mm for side in answer.sides if side is not None), None)
+    if answer.covariance is not None and axis is not None:
+        places = np.linspace(axis[0], axis[1], 3)
+        said["covariance"] = {"places_mm": places, "mm2": [answer.covariance(place) for place in places]}
+    write_answer(folder, said)
+
+
+def _stated(covariance: Mapping[str, object]) -> Callable[[Coordinates], Coordinates]:
+    """Return the covariance anywhere along an axis, of what it is at three places of it."""
+    places = np.asarray(covariance["places_mm"], np.float64).reshape(3, 3)
+    stated = np.asarray(covariance["mm2"], np.float64).reshape(3, 3, 3)
+    along = places[2] - places[0]
+
+    def at(place: Coordinates) -> Coordinates:
+        t = float((place - places[0]) @ along / (along @ along))
+        weights = 2 * (t - 0.5) * (t - 1), 4 * t * (1 - t), 2 * t * (t - 0.5)
+        return np.asarray(np.tensordot(weights, stated, 1))
+
+    return at
+
+
 def _read_located(given: Given, folder: Path) -> Located:
-    answered = read_answer(folder).get("sides")
+    said = read_answer(folder)
+    answered = said.get("sides")
     if not isinstance(answered, list) or len(answered) != len(given[0]):
         raise EndoctError("the answer lacks its sides", expected=f"a list of {len(given[0])}, null for one left aside")
     sides: list[LocatedSide | None] = []
@@ -191,7 +217,8 @@ def _read_located(given: Given, folder: Path) -> Located:
                 "a side of the answer lies nowhere", expected="ends_mm, two points, and zero, a direction"
             )
         sides.append(LocatedSide(ends, zero))
-    return Located(tuple(sides))
+    covariance = said.get("covariance")
+    return Located(tuple(sides), _stated(covariance) if isinstance(covariance, dict) else None)
 
 
 TASK = Task(
@@ -225,6 +252,7 @@ TASK = Task(
         "axis at its first and last row, and zero, the direction of its θ = 0.",
         write=_write_given,
         read=_read_located,
+        answer=_write_located,
     ),
 )
 

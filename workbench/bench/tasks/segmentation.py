@@ -103,6 +103,10 @@ def _read_mask(panorama: Panorama, folder: Path) -> Mask:
     return np.asarray(mask, np.bool_)
 
 
+def _write_mask(answer: Mask, folder: Path) -> None:
+    np.save(folder / "mask.npy", answer, allow_pickle=False)
+
+
 def _write_panorama(panorama: Panorama, folder: Path) -> None:
     write_panorama(folder, panorama)
 
@@ -132,5 +136,6 @@ TASK = Task(
         "and theta_rad. answer: mask.npy, bool or u8, of the same shape, not 0 where there is a cell.",
         write=_write_panorama,
         read=_read_mask,
+        answer=_write_mask,
     ),
 )

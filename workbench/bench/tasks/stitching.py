@@ -19,7 +19,7 @@ from endoct.stitching.motion.feed import estimate_feed
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.cases import toy_strips
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, simulated
-from endoct.workbench.bench.program import read_answer, write_given
+from endoct.workbench.bench.program import read_answer, write_answer, write_given
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth
 from endoct.workbench.sides.recordings import open_recording
@@ -141,6 +141,15 @@ def _write_strips(given: tuple[Sequence[Strip], float], folder: Path) -> None:
     write_given(folder, facts, intensity=intensity, valid=np.stack([strip.valid for strip in strips]))
 
 
+def _write_places(answer: StripPoses, folder: Path) -> None:
+    known = np.asarray(answer.trusted, np.bool_)
+    places = {
+        name: [float(value) if np.isfinite(value) else None for value in values]
+        for name, values in (("z_mm", answer.z_mm), ("roll_rad", answer.roll_rad))
+    }
+    write_answer(folder, {**places, "trusted": known.tolist()})
+
+
 def _read_places(given: tuple[Sequence[Strip], float], folder: Path) -> StripPoses:
     answer, n = read_answer(folder), len(given[0])
     z_mm, roll_rad = (np.asarray(answer.get(name, []), np.float64) for name in ("z_mm", "roll_rad"))
@@ -177,5 +186,6 @@ TASK = Task(
         "a number a strip, and trusted, true or false a strip, where some are not known.",
         write=_write_strips,
         read=_read_places,
+        answer=_write_places,
     ),
 )

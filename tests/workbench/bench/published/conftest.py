@@ -26,7 +26,7 @@ def made_set(tmp_path_factory: pytest.TempPathFactory, plan: Planned) -> Path:
     folder.mkdir()
     specimens = [plan, planned_specimen("hard", 12)]
     entries = tuple(make_specimen(folder, specimen, simulated_specimen) for specimen in specimens)
-    content = SpecimenSet(set="endoct-bench-1", half="public", size="small", key="", versions={}, specimens=entries)
+    content = SpecimenSet(set="endoct-bench-2", half="public", size="small", key="", versions={}, specimens=entries)
     (folder / SET_FILE).write_text(content.model_dump_json(), encoding="utf-8")
     return folder
 

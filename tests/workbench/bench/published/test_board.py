@@ -30,8 +30,13 @@ def test_losses_come_before_standings_and_names_are_texts(submissions: Path, tmp
     write_board(submissions, tmp_path / "board.html")
     page = (tmp_path / "board.html").read_text(encoding="utf-8")
     assert HOSTILE not in page
-    assert page.index("Where endoct is beaten") < page.index("better in 1 cases, worse in 0") < page.index("<tbody>")
+    assert (
+        page.index("Where endoct is beaten")
+        < page.index("better in 1 cases, worse in 0 (p = 1)")
+        < page.index("<tbody>")
+    )
     assert "declined: too dark" in page
+    assert page.count("<td>not checked</td>") == 4  # of two methods on two generators
     assert page.count("<svg") == 2
     write_board(submissions, tmp_path / "again.html")
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "board.html").read_bytes()

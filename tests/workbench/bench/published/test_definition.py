@@ -5,9 +5,10 @@ import pytest
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published import definition as module
 from endoct.workbench.bench.published.definition import definition_names, load_definition, planned
+from endoct.workbench.bench.published.specimen_set import shipped_entries
 from endoct.workbench.bench.task import load_task
 
-NAME = "endoct-bench-1"
+NAME = "endoct-bench-2"
 
 
 def test_every_task_has_a_score_of_its_judge_and_specimens_of_both_generators() -> None:
@@ -15,7 +16,8 @@ def test_every_task_has_a_score_of_its_judge_and_specimens_of_both_generators() 
     for name, scored in definition.tasks.items():
         assert scored.score in load_task(name).scores
         kinds = [kind for kind in definition.kinds if name in kind.tasks]
-        assert {kind.generator for kind in kinds} == {"simulator", "second"}
+        # the second generator's endoscope moves at its nominal pitch, without roll: no task
+        assert {kind.generator for kind in kinds} == {"simulator"} | ({"second"} if name != "stitching" else set())
     assert {task for kind in definition.kinds for task in kind.tasks} == set(definition.tasks)
     assert all((kind.preset is None) == (kind.generator == "second") for kind in definition.kinds)
 
@@ -27,7 +29,7 @@ def test_a_small_set_is_the_beginning_of_the_full_one() -> None:
     assert len(full) == 5 * len(small)
     assert len({each.seed for each in full.values()}) == len(full)
     assert max(each.seed for each in full.values()) < 2**53  # what JSON holds exactly
-    assert {each.split for each in small.values()} == {"train", "validation"}
+    assert {each.split for each in small.values()} == {"train", "test"}
 
 
 def test_the_hidden_half_has_other_seeds_and_is_for_testing() -> None:
@@ -40,7 +42,7 @@ def test_the_hidden_half_has_other_seeds_and_is_for_testing() -> None:
 
 
 def test_another_simulator_and_an_unknown_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert definition_names() == (NAME,)
+    assert definition_names() == ("endoct-bench-1", NAME)
     with pytest.raises(EndoctError, match=NAME):
         load_definition("endoct-bench-0")
     monkeypatch.setattr(module, "SPECIMEN_VERSION", "99")
@@ -48,3 +50,17 @@ def test_another_simulator_and_an_unknown_name_are_refused(monkeypatch: pytest.M
     with pytest.raises(EndoctError, match="another simulator"):
         load_definition(NAME)
     load_definition.cache_clear()
+
+
+def test_the_specimens_of_the_first_benchmark_stay_and_half_of_each_kind_are_scored() -> None:
+    first, second = load_definition("endoct-bench-1"), load_definition(NAME)
+    before, now = (list(planned(one, "public", "small", one.public_key)) for one in (first, second))
+    assert [(one.name, one.seed) for one in before] == [(one.name, one.seed) for one in now]
+    for kind in second.kinds:
+        splits = [one.split for one in now if one.kind is kind]
+        assert splits.count("test") == len(splits) / 2
+    published = shipped_entries(NAME)
+    assert {one.name: (one.split, one.kind.tasks) for one in now} == {
+        one.name: (one.split, one.tasks) for one in published.values()
+    }
+    assert published["simulator-easy-000"].digest.startswith("d18a459842e03239")

@@ -19,7 +19,7 @@ from endoct.workbench.running.progress import SilentStages
 
 
 def made(output: Path, workers: int = 1) -> SpecimenSet:
-    return make_set(output, "endoct-bench-1", workers=workers, stages=SilentStages())
+    return make_set(output, "endoct-bench-2", workers=workers, stages=SilentStages())
 
 
 def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,7 +32,7 @@ def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: p
     def never(folder: Path, specimen: Planned) -> None:
         raise AssertionError(f"{specimen.name} was made again in {folder}")
 
-    again = make_set(tmp_path / "set", "endoct-bench-1", writers={"simulator": never}, stages=SilentStages())
+    again = make_set(tmp_path / "set", "endoct-bench-2", writers={"simulator": never}, stages=SilentStages())
     assert again == first
     monkeypatch.setattr(making, "shipped_entries", lambda _: {each.name: each for each in first.specimens})
     assert made(tmp_path / "set") == first
@@ -92,7 +92,7 @@ def test_specimens_are_made_by_plain_arithmetic_and_this_process_keeps_its_own(
         raise EndoctError(json.dumps(facts))
 
     with pytest.raises(EndoctError) as stated:
-        make_set(tmp_path / "set", "endoct-bench-1", writers={"simulator": tells}, stages=SilentStages())
+        make_set(tmp_path / "set", "endoct-bench-2", writers={"simulator": tells}, stages=SilentStages())
     assert json.loads(str(stated.value)) == {"opencv": False, "blas": ["Nehalem"], **PLAIN_ARITHMETIC}
     assert os.environ["NUMBA_CPU_NAME"] == "host"
     assert "NUMBA_CPU_FEATURES" not in os.environ
@@ -113,23 +113,23 @@ def test_a_folder_that_is_not_empty_or_another_set_is_refused(tmp_path: Path, mo
     with monkeypatch.context() as patch:
         patch.setattr(making, "_made", stopped)
         with pytest.raises(KeyboardInterrupt, match="goes on"):
-            make_set(hidden, "endoct-bench-1", half="hidden", key=7, stages=SilentStages())
+            make_set(hidden, "endoct-bench-2", half="hidden", key=7, stages=SilentStages())
     with pytest.raises(EndoctError, match="not finished"):
         read_finished_set(hidden)
     for half, key in (("hidden", 8), ("public", None)):
         with pytest.raises(EndoctError, match="another set"):
-            make_set(hidden, "endoct-bench-1", half=half, key=key, stages=SilentStages())
+            make_set(hidden, "endoct-bench-2", half=half, key=key, stages=SilentStages())
 
 
 def test_each_half_has_its_key(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="needs a key"):
-        make_set(tmp_path, "endoct-bench-1", half="hidden", stages=SilentStages())
+        make_set(tmp_path, "endoct-bench-2", half="hidden", stages=SilentStages())
     with pytest.raises(EndoctError, match="key of its own"):
-        make_set(tmp_path, "endoct-bench-1", key=5, stages=SilentStages())
+        make_set(tmp_path, "endoct-bench-2", key=5, stages=SilentStages())
 
 
 def test_what_a_killed_run_left_is_cleared(tmp_path: Path) -> None:
-    begun = SpecimenSet(set="endoct-bench-1", half="public", size="small", key="", versions={}, specimens=())
+    begun = SpecimenSet(set="endoct-bench-2", half="public", size="small", key="", versions={}, specimens=())
     making._begin(tmp_path / "set", begun)
     stale = tmp_path / "set" / ".endoct-simulator-easy-003-x"
     stale.mkdir()

@@ -8,8 +8,9 @@ import pytest
 from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published.checking import Receipt
 from endoct.workbench.bench.published.standings import TaskBoard, read_boards
-from endoct.workbench.bench.published.submission import Scored, text_of
+from endoct.workbench.bench.published.submission import Scored, digest_of, text_of
 
 pytestmark = pytest.mark.usefixtures("sets_of_any_size")
 NAMES = [f"s{k}" for k in range(8)]
@@ -24,16 +25,16 @@ def board_of(tmp_path: Path, *files: list[Scored]) -> TaskBoard:
     return board
 
 
-def test_shares_are_over_all_cases_and_medians_over_answers(tmp_path: Path) -> None:
+def test_shares_and_medians_are_over_all_cases(tmp_path: Path) -> None:
     values = [0.9, 0.8, None, 0.6, 0.5, 0.4, None, 0.2]
     board = board_of(
         tmp_path, [scored(n, "endoct", v, success=bool(v and v > 0.55)) for n, v in zip(NAMES, values, strict=True)]
     )
     (standing,) = board.standings("simulator")
     assert (standing.success.k, standing.success.n, standing.ok, standing.declined) == (3, 8, 6, 2)
-    assert standing.median == pytest.approx(0.55)
+    assert standing.median == pytest.approx(0.45)  # what was declined is worse than any answer
     assert standing.mean == pytest.approx(np.mean([0.9, 0.8, 0.6, 0.5, 0.4, 0.2]))
-    assert (standing.low, standing.high) == (0.2, 0.9)  # of six values by order statistics: the least and the largest
+    assert (standing.low, standing.high) == (-np.inf, 0.9)  # of eight by order statistics: the least and the largest
     easy, hard = (board.standings("simulator", word)[0] for word in ("easy", "hard"))
     assert (easy.success.k, hard.success.k) == (3, 0)
     assert np.isnan(easy.low)  # three answers are too few for an interval of 95 %
@@ -143,4 +144,62 @@ def test_a_status_that_is_not_ok_has_no_score(tmp_path: Path) -> None:
     failed = scored("s2", "endoct", 0.9, success=True, seconds=3.0).model_copy(update={"status": "failed"})
     (standing,) = board_of(tmp_path, [*rows, failed]).standings("simulator")
     assert (standing.ok, standing.failed, standing.declined, standing.cases) == (2, 1, 0, 3)
-    assert (standing.median, standing.mean, standing.seconds) == (0.5, 0.5, 3.0)
+    assert (standing.median, standing.mean, standing.seconds) == (0.4, 0.5, 3.0)
+
+
+def receipt_of(tmp_path: Path, board: TaskBoard, file: str, verdicts: dict[str, str]) -> Path:
+    """A folder with the receipt of one submission of a board."""
+    made = next(one.submission for one in board.entrants if one.file == file)
+    facts = {"submission": digest_of(made), "nonce": "a word", "specimens": ("s0", "s1"), "verdicts": verdicts}
+    folder = tmp_path / "receipts"
+    folder.mkdir(exist_ok=True)
+    (folder / f"{file}.json").write_text(Receipt.model_validate(facts).model_dump_json(), encoding="utf-8")
+    return folder
+
+
+def test_a_forged_file_heads_no_board(tmp_path: Path) -> None:
+    """Not one that nobody ran again, nor one with other scores when run again, nor one that calls itself ours."""
+    true = [scored(n, "endoct", 0.6, success=k < 4) for k, n in enumerate(NAMES)]
+    forged = [scored(n, name, 0.99, success=True) for name in ("endoct", "mine") for n in NAMES]
+    board = board_of(tmp_path, forged, true)
+    assert board.standings("simulator")[-1].entrant.file == "file1"  # while nothing is checked, scores decide
+    folder = receipt_of(tmp_path, board, "file1", {"endoct": "equal"})
+    (board,) = read_boards(tmp_path, folder)
+    first, *rest = board.standings("simulator")
+    assert (first.entrant.name, first.entrant.file, first.entrant.checked) == ("endoct", "file1", 2)
+    assert [one.entrant.checked for one in rest] == [0, 0]
+    assert {one.method for one in board.losses()} == {"endoct (file0)", "mine"}
+    receipt_of(tmp_path, board, "file0", {"mine": "different", "endoct": "different"})
+    (board,) = read_boards(tmp_path, folder)
+    assert [one.entrant.checked for one in board.standings("simulator")] == [2, -1, -1]
+    assert board.losses() == []
+
+
+def test_a_receipt_is_of_one_content(tmp_path: Path) -> None:
+    """Scores that are changed after a check, the digest made anew, are not checked."""
+    board = board_of(tmp_path, [scored(n, "mine", 0.5) for n in NAMES])
+    folder = receipt_of(tmp_path, board, "file0", {"mine": "equal"})
+    board_of(tmp_path, [scored(n, "mine", 0.9) for n in NAMES])
+    (board,) = read_boards(tmp_path, folder)
+    assert [one.checked for one in board.entrants] == [0]
+    (folder / "other.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(EndoctError, match="is no receipt"):
+        read_boards(tmp_path, folder)
+
+
+@pytest.mark.parametrize("better", ["higher", "lower"])
+def test_to_decline_all_or_all_but_the_easiest_is_behind_honest_failure(tmp_path: Path, better: str) -> None:
+    best = 0.95 if better == "higher" else 0.01
+    rows = [scored(n, "declines", None) for n in NAMES] + [scored(n, "honest", 0.4) for n in NAMES]
+    rows += [scored(n, "picks", best if n == "s0" else None) for n in NAMES]
+    board = board_of(tmp_path, rows)
+    board = replace(board, scored=board.scored.model_copy(update={"better": better}))
+    assert [one.entrant.name for one in board.standings("simulator")] == ["honest", "picks", "declines"]
+
+
+def test_a_loss_is_told_by_successes_and_with_its_p(tmp_path: Path) -> None:
+    ours = [scored(n, "endoct", 0.69 if k < 2 else 0.95, success=k >= 2) for k, n in enumerate(NAMES)]
+    other = [scored(n, "other", 0.71, success=True) for n in NAMES]
+    (loss,) = board_of(tmp_path, [*ours, *other]).losses()
+    assert (loss.side, loss.better, loss.worse, loss.successes) == ("oct", 2, 6, (8, 6))
+    assert loss.p == pytest.approx(2 * (1 + 8 + 28) / 256)  # two or fewer of eight, both ways

@@ -8,12 +8,11 @@ import pytest
 from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published.checking import Checked, Rerun, check, read_receipts
 from endoct.workbench.bench.published.submission import (
-    Checked,
-    Rerun,
     Scored,
     Submission,
-    check,
+    digest_of,
     read_submission,
     submit,
     text_of,
@@ -91,16 +90,44 @@ def submitted(made_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_rerun_is_equal_to_the_last_digit(submitted: Path, made_set: Path) -> None:
-    checked = check(submitted, made_set, sample=1, stages=SilentStages())
+    checked = check(submitted, made_set, sample=1, nonce="a word", stages=SilentStages())
     assert len(checked.reruns) == 2 * 2  # recordings, methods
     assert checked.count("equal") == 4
 
 
+def test_the_sample_follows_from_the_nonce_and_leaves_a_receipt(
+    submitted: Path, made_set: Path, tmp_path: Path
+) -> None:
+    drawn = set()
+    for nonce in "abcdef":
+        path = tmp_path / f"{nonce}.json"
+        assert check_command(submitted, made_set, nonce, sample=1, methods="k-means", receipt=path) == 0
+        ((digest, (receipt,)),) = read_receipts(tmp_path).items()
+        assert digest == digest_of(read_submission(submitted))
+        assert (receipt.nonce, receipt.verdicts) == (nonce, {"k-means": "equal"})
+        drawn.add(receipt.specimens)
+        path.unlink()
+        if len(drawn) == 2:
+            break
+    assert len(drawn) == 2  # no specimen is safe
+
+
+def test_a_set_to_learn_from_scores_nothing(changed_set: Path, tmp_path: Path) -> None:
+    path = changed_set / "set.json"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('"split":"test"', '"split":"train"'), encoding="utf-8")
+    with pytest.raises(EndoctError, match="no specimen"):
+        run(changed_set, tmp_path / "mine.json", methods=["li-depth"])
+    path.write_text(text.replace("endoct-bench-2", "endoct-bench-1"), encoding="utf-8")
+    with pytest.raises(EndoctError, match="is closed"):
+        run(changed_set, tmp_path / "mine.json", methods=["li-depth"])
+
+
 def test_some_methods_are_enough(submitted: Path, made_set: Path) -> None:
-    checked = check(submitted, made_set, sample=1, methods=["k-means"], stages=SilentStages())
+    checked = check(submitted, made_set, sample=1, nonce="a word", methods=["k-means"], stages=SilentStages())
     assert {rerun.again.method for rerun in checked.reruns} == {"k-means"}
     with pytest.raises(EndoctError, match="k-means"):
-        check(submitted, made_set, sample=1, methods=["k-mean"], stages=SilentStages())
+        check(submitted, made_set, sample=1, nonce="a word", methods=["k-mean"], stages=SilentStages())
 
 
 @pytest.fixture
@@ -119,12 +146,12 @@ def with_a_program(submitted: Path, tmp_path: Path) -> Path:
 def test_a_command_in_the_file_is_never_run(
     with_a_program: Path, made_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert check_command(with_a_program, made_set, sample=1) == 0
+    assert check_command(with_a_program, made_set, sample=1, nonce="a word") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert f"theirs: a program, in the file: touch {tmp_path / 'it-was-run'}; not run again" in said
     assert "2 rows run again: 2 equal" in said  # those of li-depth, which is installed
     with pytest.raises(EndoctError, match=r"no command of a file is run.*--program theirs=COMMAND"):
-        check(with_a_program, made_set, sample=1, methods=["theirs"], stages=SilentStages())
+        check(with_a_program, made_set, sample=1, nonce="a word", methods=["theirs"], stages=SilentStages())
     assert not (tmp_path / "it-was-run").exists()
 
 
@@ -133,16 +160,18 @@ def test_a_program_is_run_by_the_command_of_whoever_checks(
 ) -> None:
     (tmp_path / "declines.py").write_text(DECLINES, encoding="utf-8")
     own = {"theirs": f"{sys.executable} {tmp_path / 'declines.py'}"}
-    checked = check(with_a_program, made_set, sample=1, programs=own, stages=SilentStages())
+    checked = check(with_a_program, made_set, sample=1, nonce="a word", programs=own, stages=SilentStages())
     assert checked.programs == own
     assert {rerun.again.status for rerun in checked.reruns if rerun.again.method == "theirs"} == {"declined"}
     assert {rerun.again.method for rerun in checked.reruns} == {"li-depth", "theirs"}
-    alone = check(with_a_program, made_set, sample=1, methods=["theirs"], programs=own, stages=SilentStages())
+    alone = check(
+        with_a_program, made_set, sample=1, nonce="a word", methods=["theirs"], programs=own, stages=SilentStages()
+    )
     assert {rerun.again.method for rerun in alone.reruns} == {"theirs"}
     assert not (tmp_path / "it-was-run").exists()
     for name, match in (("li-depth", "is no program"), ("else", "unknown method")):
         with pytest.raises(EndoctError, match=match):
-            check(with_a_program, made_set, sample=1, programs={name: "true"}, stages=SilentStages())
+            check(with_a_program, made_set, sample=1, nonce="a word", programs={name: "true"}, stages=SilentStages())
 
 
 def test_a_part_of_the_set_is_not_checked(submitted: Path, made_set: Path, tmp_path: Path) -> None:
@@ -152,14 +181,14 @@ def test_a_part_of_the_set_is_not_checked(submitted: Path, made_set: Path, tmp_p
     part = made.model_copy(update={"specimens": made.specimens[:1], "rows": rows})
     (tmp_path / "part.json").write_text(text_of(part), encoding="utf-8")
     with pytest.raises(EndoctError, match="not of the whole set"):
-        check(tmp_path / "part.json", made_set, sample=1, stages=SilentStages())
+        check(tmp_path / "part.json", made_set, sample=1, nonce="a word", stages=SilentStages())
 
 
 def test_other_scores_are_different(submitted: Path, made_set: Path, tmp_path: Path) -> None:
     made = read_submission(submitted)
     rows = [row.model_copy(update={"scores": {**row.scores, "jaccard": 0.999}}) for row in made.rows]
     (tmp_path / "better.json").write_text(text_of(made.model_copy(update={"rows": tuple(rows)})), encoding="utf-8")
-    checked = check(tmp_path / "better.json", made_set, sample=2, stages=SilentStages())
+    checked = check(tmp_path / "better.json", made_set, sample=2, nonce="a word", stages=SilentStages())
     assert checked.count("different") == len(checked.reruns) == 8
 
 
@@ -168,7 +197,7 @@ def test_another_set_of_the_same_name_is_refused(submitted: Path, changed_set: P
     depth = read_submission(submitted).specimens[0].means["truth"][0]
     path.write_text(path.read_text(encoding="utf-8").replace(f"{depth}", f"{depth + 1}"), encoding="utf-8")
     with pytest.raises(EndoctError, match="another specimen"):
-        check(submitted, changed_set, sample=1, stages=SilentStages())
+        check(submitted, changed_set, sample=1, nonce="a word", stages=SilentStages())
 
 
 @pytest.mark.parametrize(("factor", "verdict"), [(1.0, "equal"), (1 + 1e-12, "near"), (1.01, "different")])
