@@ -102,6 +102,19 @@ class Alignment:
             covariance=self.covariance and as_covariance(jacobian @ np.array(self.covariance) @ jacobian.T),
         )
 
+    def scaled(self, factor: float) -> "Alignment":
+        """Return it with every length times ``factor``, in a bore as many times as wide."""
+        if factor == 1:
+            return self
+        lengths = np.diag([1.0, factor, 1.0])
+        return replace(
+            self,
+            z_shift_mm=factor * self.z_shift_mm,
+            overlap_mm2=factor**2 * self.overlap_mm2,
+            twist_rad_per_mm=self.twist_rad_per_mm / factor,
+            covariance=self.covariance and as_covariance(lengths @ np.array(self.covariance) @ lengths),
+        )
+
     def z_error_mm(self, z_b_mm: ArrayLike) -> Coordinates:
         """Return the standard error of :meth:`z_to_a` at z in B's frame (any shape), mm, 0 where it is unknown."""
         along = (-1.0 if self.z_reversed else 1.0) * np.asarray(z_b_mm, dtype=np.float64)
@@ -135,6 +148,11 @@ class SearchOutcome:
     def of(cls, answer: Alignment | NotAligned) -> "SearchOutcome":
         """Return what a search or a method answers."""
         return cls(answer) if isinstance(answer, Alignment) else cls(None, answer.best, answer.reason)
+
+    def scaled(self, factor: float) -> "SearchOutcome":
+        """Return it with every length times ``factor``."""
+        alignment, best = (one and one.scaled(factor) for one in (self.alignment, self.best))
+        return SearchOutcome(alignment, best, self.reason)
 
 
 @dataclass(frozen=True)
