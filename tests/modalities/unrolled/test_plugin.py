@@ -96,6 +96,7 @@ def test_the_sine_of_a_probe_off_the_axis_is_taken_off(tmp_path: Path, smaller: 
     assert np.allclose(values["sine_amplitude_mm"], 1.2, atol=0.03)
     # the near wall lies in the direction of the offset: −e cos(θ − β) = e sin(θ − β − π/2)
     assert np.allclose(np.mod(values["sine_phase_rad"], 2 * np.pi), 2 * np.pi - 2.0 - np.pi / 2, atol=0.03)
+    assert np.median(values["beam_noise_mm"]) == pytest.approx(0.03, rel=0.1)
     assert np.median(values["residual_mm"]) < 1.1 * np.median(values["beam_noise_mm"])
     assert np.quantile(np.abs(depth_mm[~MASK]), 0.9) < 0.06
     deep = depth_mm[panorama.valid & MASK]
