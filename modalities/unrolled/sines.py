@@ -60,9 +60,10 @@ def fit_sines(turns: Sequence[Image], grid: SurfaceGrid, count_mm: float, parame
     Raises :class:`NotSeen` where no turn shows one.
     """
     noises_mm = np.array([_noise_mm(turn) for turn in turns])
-    known = np.isfinite(noises_mm)
-    noise_mm = float(np.median(noises_mm[known])) if known.any() else 0.0
-    tolerance_mm = min(max(parameters.tolerance_sigmas * noise_mm, count_mm), MOST_TOLERANCE * grid.radius_mm)
+    steps_mm = np.array([_step_mm(turn) for turn in turns])
+    known = np.isfinite(steps_mm)
+    step_mm = float(np.median(steps_mm[known])) if known.any() else 0.0
+    tolerance_mm = min(max(parameters.tolerance_sigmas * step_mm, count_mm), MOST_TOLERANCE * grid.radius_mm)
     fits = np.array([_fit(turn, grid.theta_rad, tolerance_mm, index, parameters) for index, turn in enumerate(turns)])
     known = fits[:, 4] >= parameters.least_inlier_fraction
     if not known.any():
@@ -77,11 +78,24 @@ def fit_sines(turns: Sequence[Image], grid: SurfaceGrid, count_mm: float, parame
     return Sines(cosine, sine, offset, fits[:, 3].copy(), noises_mm, fits[:, 4].copy(), bridged=~known)
 
 
-def _noise_mm(turn: Image) -> float:
-    """Return the noise of single beams, mm, by how much neighbours differ; NaN where there are none."""
-    seen = np.isfinite(turn)
-    steps = (turn - np.roll(turn, 1))[seen & np.roll(seen, 1)]
+def _step_mm(turn: Image) -> float:
+    """Return the spread of steps between neighbouring beams over √2, mm: noise, and the slope of the sine.
+
+    A probe far off the axis has a steep sine, and departs more from it. NaN where there are none.
+    """
+    steps = turn - np.roll(turn, 1)
+    steps = steps[np.isfinite(steps)]
     return robust_sigma(steps) / math.sqrt(2) if steps.size else float("nan")
+
+
+def _noise_mm(turn: Image) -> float:
+    """Return the noise of single beams, mm, by how far each lies off its neighbours; NaN where none has two.
+
+    A step to one neighbour would hold the sine's own slope.
+    """
+    off = turn - (np.roll(turn, 1) + np.roll(turn, -1)) / 2
+    off = off[np.isfinite(off)]
+    return robust_sigma(off) / math.sqrt(1.5) if off.size else float("nan")
 
 
 def _fit(
