@@ -10,10 +10,10 @@ from skimage.filters import threshold_li
 from skimage.measure import ransac
 from skimage.transform import warp
 
+from endoct.base.numeric.sine import Sine, ransac_sine
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.conformance import Subject
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad
-from endoct.modalities.oct.face.sine import Sine, ransac_sine
 from endoct.modalities.oct.undistort import beam_of, resample, volume_radii_mm
 from endoct.modalities.registry import manifests
 from endoct.synthetic.specimen import simulate

@@ -29,6 +29,7 @@ from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, SearchOutcome
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, check_same_bore, common_grid
+from endoct.fusion.geometry.reference_bore import WIDEST_IN_BONE_MM
 from endoct.fusion.pair_overlaps import by_li, on_own_rows
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (
@@ -97,20 +98,29 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
     if not parameters.correct_twist or placed.outcome.alignment is None:
         return placed
     plain = score_sides(placed.sides, placed.grid, placed.samplings, parameters.tolerance_mm).scores
-    twist = find_twist(a, b, placed.outcome.alignment)
+    there = find_twist(a.in_reference, b.in_reference, placed.outcome.alignment.scaled(1 / a.scale))
+    twist = replace(there, z_mm=a.scale * there.z_mm)
     turned = _aligned(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters)
     return replace(turned, twist=(twist, plain.grid.jaccard if plain else None))
 
 
 def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Placed:
     note = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
+    if pairs and a.scale != 1:
+        raise EndoctError(
+            "landmark pairs align bores as wide as those in bone",
+            found=f"a bore of {2 * a.grid.radius_mm:g} mm",
+            expected=f"at most {2 * WIDEST_IN_BONE_MM:g} mm",
+            remedy="leave the pairs out",
+        )
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
-    outcome = align_sides(a, b, z_scale_range=z_scale_range, force=parameters.force)
+    there = a.in_reference, b.in_reference
+    outcome = align_sides(*there, z_scale_range=z_scale_range, force=parameters.force).scaled(a.scale)
     if parameters.correct_twist and outcome.alignment:
         outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
     doubts: tuple[Doubt, ...] = ()
     if (name := parameters.alignment_method) != OURS:
-        ours, outcome = outcome, align_by_method(a, b, name)
+        ours, outcome = outcome, align_by_method(*there, name).scaled(a.scale)
         doubts = tuple(doubts_by_method(outcome.alignment, ours.alignment, name, a, b) if outcome.alignment else ())
     by_hand: ByHand | None = None
     if pairs:
@@ -163,10 +173,12 @@ def _held_together(
     placed: Placed, alignment: Alignment, parameters: CompareParameters
 ) -> tuple[tuple[Doubt, ...], Mapping[str, object]]:
     """Return what speaks against one rigid place, and the overlaps besides that on the common grid, by key."""
-    a, b = placed.both
-    bent = tuple(doubts_of_parts(parts_out_of_place(a.evidence, b.evidence, alignment), b.name))
+    (a, b), scale = placed.both, placed.both[0].scale
+    of_a, of_b = a.in_reference.evidence, b.in_reference.evidence
+    there = alignment.scaled(1 / scale)
+    bent = tuple(doubts_of_parts(parts_out_of_place(of_a, of_b, there), b.name, scale))
     if not bent and alignment.bend is None:
-        bent = tuple(doubts_of_step(step_along(a.evidence, b.evidence, alignment), b.name))
+        bent = tuple(doubts_of_step(step_along(of_a, of_b, there), b.name, scale))
     own_rows = on_own_rows(placed.both, (placed.cells[0].mask, placed.cells[1].mask), alignment)
     return bent, {"own_rows": own_rows, "by_li": by_li(placed, parameters)}
 
@@ -221,9 +233,10 @@ def _doubts_of_alignment(
         if scale_at_limit(alignment, parameters):
             orientation = ((alignment.mirrored, alignment.z_reversed),)
             searched = parameters.z_scale_min, parameters.z_scale_max
-            farther = fit_stretched(a.evidence, b.evidence, orientation, searched)
+            of_a, of_b = a.in_reference.evidence, b.in_reference.evidence
+            farther = fit_stretched(of_a, of_b, orientation, searched)
             yield from doubts_of_scale(alignment, farther, parameters, a, b)
-    yield from doubts_of_largest_cell(max(largest_cell_share(side.evidence) for side in (a, b)))
+    yield from doubts_of_largest_cell(max(largest_cell_share(side.in_reference.evidence) for side in (a, b)))
     yield from doubts_of_bend(alignment, b.name)
     yield from doubts_of_orientation(alignment, a.panorama, b.panorama, b.name)
     yield from bent

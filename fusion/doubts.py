@@ -115,36 +115,40 @@ def doubts_of_scale(
         yield Doubt("pitch-contradicted", what, side=remedy.side, value=found, unit=remedy.unit, expected=expected)
 
 
-def doubts_of_parts(parts: Sequence[LoosePart], of: str) -> Iterator[Doubt]:
-    """Yield the doubt about ``parts`` of the wall that do not lie where the alignment puts side ``of``."""
+def doubts_of_parts(parts: Sequence[LoosePart], of: str, scale: float = 1.0) -> Iterator[Doubt]:
+    """Yield the doubt about ``parts`` of the wall that do not lie where the alignment puts side ``of``.
+
+    Their lengths are those of a bore that is ``scale`` times as wide.
+    """
     if not parts:
         return
     worst = parts[0]
     where = (
-        f"between z = {worst.first:.1f} and {worst.last:.1f} mm"
+        f"between z = {scale * worst.first:.1f} and {scale * worst.last:.1f} mm"
         if worst.kind == "band"
         else f"between θ = {math.degrees(worst.first):.0f}° and {math.degrees(worst.last):.0f}°"
     )
     there = "where other directions do" if worst.kind == "turn" else "there"
     what = (
         f"The wall of {of} does not lie as one piece where it was aligned: {where} it fits best "
-        f"{worst.along_mm:+.2f} mm along and {worst.around_mm:+.2f} mm around the bore from {there}. Slices or frames "
-        "may be lost, swapped or turned."
+        f"{scale * worst.along_mm:+.2f} mm along and {scale * worst.around_mm:+.2f} mm around the bore from {there}. "
+        "Slices or frames may be lost, swapped or turned."
     )
-    yield Doubt("parts-out-of-place", what, side=of, value=worst.off_mm, unit="mm", expected=(0.0, worst.limit_mm))
+    off_mm, limit_mm = scale * worst.off_mm, scale * worst.limit_mm
+    yield Doubt("parts-out-of-place", what, side=of, value=off_mm, unit="mm", expected=(0.0, limit_mm))
 
 
-def doubts_of_step(step: Step | None, of: str) -> Iterator[Doubt]:
-    """Yield the doubt about a ``step`` of side ``of`` along the bore."""
+def doubts_of_step(step: Step | None, of: str, scale: float = 1.0) -> Iterator[Doubt]:
+    """Yield the doubt about a ``step`` of side ``of`` along the bore, which is ``scale`` times as wide as it has it."""
     if step is not None:
         cause, other = ("lost", "doubled") if step.along_mm > 0 else ("doubled", "lost")
         what = (
-            f"From about z = {step.at_mm:.1f} mm on, the wall of {of} fits best {step.along_mm:+.2f} mm farther along "
-            f"the bore than before it. Its slices or frames may be {cause} there, or the other side's {other}, or the "
-            "feed slipped."
+            f"From about z = {scale * step.at_mm:.1f} mm on, the wall of {of} fits best {scale * step.along_mm:+.2f} "
+            f"mm farther along the bore than before it. Its slices or frames may be {cause} there, or the other side's "
+            f"{other}, or the feed slipped."
         )
-        found = abs(step.along_mm)
-        yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, LEAST_STEP_MM))
+        found, most = scale * abs(step.along_mm), scale * LEAST_STEP_MM
+        yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, most))
 
 
 def doubts_of_bend(alignment: Alignment, of: str) -> Iterator[Doubt]:

@@ -60,7 +60,7 @@ def _overlap(a: Surface, b: Surface, grid: SurfaceGrid) -> Overlap:
 def _above_li(side: Side, cells: Segmentation, parameters: CompareParameters) -> tuple[Mask, float] | None:
     """Return what lies above Li's threshold on a side's own samples, and the threshold; None where there is none."""
     given = "dark" if parameters.polarity == "auto" else parameters.polarity
-    evidence = side.cell_evidence(parameters.segment, cells.polarity or given)
+    evidence = side.in_reference.cell_evidence(parameters.segment, cells.polarity or given)
     if evidence.kind == "mask":
         return None
     if evidence.kind == "relief" and cells.by == "rules" and cells.threshold is not None:
@@ -69,4 +69,4 @@ def _above_li(side: Side, cells: Segmentation, parameters: CompareParameters) ->
         found = above_li(evidence, parameters)
     except EndoctError:
         return None
-    return found.mask, found.threshold
+    return found.mask, found.threshold * (side.scale if evidence.kind == "relief" else 1.0)

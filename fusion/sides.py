@@ -194,7 +194,7 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
     """Return a side with its ``cells`` on ``grid``; ``sampling`` says where its samples lie."""
     panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
-    relief, parallax = side.relief, side.parallax
+    relief, parallax, scale = side.in_reference.relief, side.in_reference.parallax, np.float32(side.scale)
     contrast, depth_mm = contrast_of(side, cells), panorama.depth_mm
     nowhere = np.full(grid.shape, np.nan, np.float32)
     return PlacedSide(
@@ -202,13 +202,13 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
         mask=placement.mask(cells.mask, panorama.valid)[0],
         valid=valid,
         relief_mm=(
-            placement.known(relief.values, relief.valid)
+            scale * placement.known(relief.values, relief.valid)
             if relief is not None
             else None
             if parallax is None
-            else placement.known(parallax.relief_mm, parallax.known)
+            else scale * placement.known(parallax.relief_mm, parallax.known)
         ),
-        relief_error_mm=None if parallax is None else placement.known(parallax.error_mm, parallax.known),
+        relief_error_mm=None if parallax is None else scale * placement.known(parallax.error_mm, parallax.known),
         contrast=None if contrast is None else placement.known(contrast.values, contrast.valid),
         intensity=intensity,
         depth_mm=nowhere if depth_mm is None else placement.known(depth_mm, panorama.valid & np.isfinite(depth_mm)),

@@ -100,7 +100,7 @@ class Manifest:
     """What is known of a plug-in without loading it.
 
     Attributes: ``name`` as in the sidecar's ``modality``; ``title`` for people; ``suffixes`` of the files it
-    reads; ``acquisition``, the model of its sidecar; ``provides``; ``frame_dim``, what a frame is called in
+    reads; ``acquisition``, the model of its sidecar; ``provides``, at most; ``frame_dim``, what a frame is called in
     its panoramas; ``implementation``, "module:name" of the :class:`Modality`; ``per_frame``, what the numbers per
     frame in its calibrations, diagnostics and panoramas mean, by name (those not named mean what their names say, see
     :func:`~endoct.stitching.per_frame.usual_meaning`).
@@ -135,7 +135,7 @@ class FrameStream(Protocol):
 
     It may have ``remarks`` on its files: their order, and what was left out
     (:class:`~endoct.modalities.reading.remarks.Remarks`). They are asked for once all frames are read, and become notes
-    and doubts of the panorama.
+    and doubts of the panorama. It may have ``provides``, where a recording gives less than others of its modality.
     """
 
     @property

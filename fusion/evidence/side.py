@@ -1,6 +1,6 @@
 """One side of a comparison as it came in: a panorama or a mask drawn by hand, with the evidence for cells on it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -10,6 +10,7 @@ from endoct.base.arrays import Mask
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.evidence.evidence import Evidence, Polarity, prepare
 from endoct.fusion.evidence.relief import ParallaxRelief, parallax_relief
+from endoct.fusion.geometry.reference_bore import bore_scale, scaled_grid, scaled_panorama
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 
@@ -64,6 +65,8 @@ class DrawnMask:
 class Side:
     """A panorama under the name of its side in a comparison; ``drawing`` where that is a mask drawn by hand.
 
+    ``reference_scale``: how many times as wide as in ``in_reference`` its bore is; None where its own radius says it.
+
     Each kind of evidence is prepared once, when it is first read. Reading it raises :class:`EndoctError` where no
     sample is valid or the intensity is constant.
     """
@@ -71,6 +74,20 @@ class Side:
     name: str
     panorama: Panorama
     drawing: DrawnMask | None = None
+    reference_scale: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """How many times as wide as in ``in_reference`` its bore is: 1 in bone."""
+        return bore_scale(self.grid.radius_mm) if self.reference_scale is None else self.reference_scale
+
+    @cached_property
+    def in_reference(self) -> "Side":
+        """The side as evidence for cells is to be looked at: itself, where the bore is not far wider than in bone."""
+        if self.scale == 1:
+            return self
+        drawing = self.drawing and replace(self.drawing, grid=scaled_grid(self.drawing.grid, 1 / self.scale))
+        return Side(self.name, scaled_panorama(self.panorama, 1 / self.scale), drawing, 1.0)
 
     @property
     def grid(self) -> SurfaceGrid:
@@ -124,7 +141,8 @@ def two_sides(a: Panorama | DrawnMask, b: Panorama | DrawnMask) -> tuple[Side, S
     first, second = one.modality, two.modality
     if first == second:
         first, second = f"{first}-1", f"{second}-2"
-    return Side(first, one, _drawing(a)), Side(second, two, _drawing(b))
+    scale = bore_scale(one.grid.radius_mm)
+    return Side(first, one, _drawing(a), scale), Side(second, two, _drawing(b), scale)
 
 
 def _drawing(given: Panorama | DrawnMask) -> DrawnMask | None:

@@ -65,6 +65,12 @@ class Bend:
             for k in order.tolist()
         )
 
+    def scaled(self, factor: float) -> "Bend":
+        """Return it with every length times ``factor``."""
+        lengths = (tuple(factor * mm for mm in part) for part in (self.z_mm, self.shift_mm, self.shift_error_mm))
+        z_mm, shift_mm, error_mm = lengths
+        return replace(self, z_mm=z_mm, shift_mm=shift_mm, shift_error_mm=error_mm)
+
     def at(self, values: tuple[float, ...], z_mm: Coordinates) -> Coordinates:
         """Return one kind of ``values`` at z, float64 of its shape."""
         return np.asarray(np.interp(z_mm, self.z_mm, values))
@@ -195,6 +201,20 @@ class Alignment:
             bend.roll_error_rad[order],
         )
 
+    def scaled(self, factor: float) -> "Alignment":
+        """Return it with every length times ``factor``, in a bore as many times as wide."""
+        if factor == 1:
+            return self
+        lengths = np.diag([1.0, factor, 1.0])
+        return replace(
+            self,
+            z_shift_mm=factor * self.z_shift_mm,
+            overlap_mm2=factor**2 * self.overlap_mm2,
+            twist_rad_per_mm=self.twist_rad_per_mm / factor,
+            covariance=self.covariance and as_covariance(lengths @ np.array(self.covariance) @ lengths),
+            bend=self.bend and self.bend.scaled(factor),
+        )
+
     def z_error_mm(self, z_b_mm: ArrayLike) -> Coordinates:
         """Return the standard error of :meth:`z_to_a` at z in B's frame (any shape), mm, 0 where it is unknown."""
         along = self._direction * np.asarray(z_b_mm, dtype=np.float64)
@@ -231,6 +251,11 @@ class SearchOutcome:
     def of(cls, answer: Alignment | NotAligned) -> "SearchOutcome":
         """Return what a search or a method answers."""
         return cls(answer) if isinstance(answer, Alignment) else cls(None, answer.best, answer.reason)
+
+    def scaled(self, factor: float) -> "SearchOutcome":
+        """Return it with every length times ``factor``."""
+        alignment, best = (one and one.scaled(factor) for one in (self.alignment, self.best))
+        return replace(self, alignment=alignment, best=best)
 
 
 @dataclass(frozen=True)

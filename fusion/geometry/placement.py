@@ -15,6 +15,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.reference_bore import bore_scale
 from endoct.stitching.grid import SurfaceGrid
 
 FARTHEST_ROW = 0.75
@@ -171,6 +172,7 @@ class Placement:
         from_mm, to_mm = alignment.z_to_a(from_grid.z_mm)[self._flip], to_grid.z_mm
         spacing_mm = alignment.z_scale * from_grid.dz_mm
         self._sample_mm = from_grid.dz_mm, from_grid.dtheta_mm
+        self._farthest_mm = FARTHEST_OUTLINE_MM * bore_scale(from_grid.radius_mm)
         self._refines = to_mm.size > 1 and spacing_mm > 1.5 * float(np.median(np.diff(to_mm)))
         self._rows = row_weights(from_mm, spacing_mm, to_mm, row_extent_mm)
         old_columns = from_grid.column_of(alignment.rigid.theta_to_b(to_grid.theta_rad))
@@ -203,7 +205,7 @@ class Placement:
         is true where at least half of what was observed of it is.
         """
         if self._refines:
-            distance, observed = self.image(signed_distance(mask & valid, self._sample_mm, FARTHEST_OUTLINE_MM), valid)
+            distance, observed = self.image(signed_distance(mask & valid, self._sample_mm, self._farthest_mm), valid)
             return (distance > 0) & observed, observed
         share, observed = self.image(mask.astype(np.float32), valid)
         return (share >= 0.5) & observed, observed

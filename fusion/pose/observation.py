@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.reference_bore import WIDEST_IN_BONE_MM
 from endoct.fusion.segmentation.side_cells import segment
 
 ROWS_MM, COLUMNS = 0.2, 64
@@ -78,9 +80,16 @@ class Observation:
 def observe(side: Side, cells: Mask | None = None) -> Observation:
     """Return what ``side`` shows: where it has depth, the air at some depths, else the cells in its intensity.
 
-    ``cells`` are the latter, bool (n_z, n_theta), if they are at hand.
+    ``cells`` are the latter, bool (n_z, n_theta), if they are at hand. Raises :class:`EndoctError` for a bore far wider
+    than in bone.
     """
     panorama = side.panorama
+    if side.scale != 1:
+        raise EndoctError(
+            "a pose is found of a bore as wide as those in bone",
+            found=f"{2 * panorama.grid.radius_mm:g} mm",
+            expected=f"at most {2 * WIDEST_IN_BONE_MM:g} mm",
+        )
     rows = np.arange(panorama.z_mm[0], panorama.z_mm[-1] + 1e-9, ROWS_MM)
     evidence = side.evidence
     if evidence.kind == "relief":

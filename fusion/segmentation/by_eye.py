@@ -73,7 +73,9 @@ def check_eye(parameters: SegmentParameters, *sides: Side) -> None:
     """Raise :class:`EndoctError` where the user's own weights are for no side whose cells its intensity shows."""
     if parameters.eye in (OUR_EYE, NO_EYE):
         return
-    seen = {one.panorama.modality for one in sides if not one.cell_evidence(parameters.segment).knows_cells}
+    seen = {
+        one.panorama.modality for one in sides if not one.in_reference.cell_evidence(parameters.segment).knows_cells
+    }
     if all(weights_for(modality, parameters.eye) is None for modality in seen):
         raise EndoctError(
             f"the learned eye {parameters.eye} has nothing to look at",

@@ -33,12 +33,12 @@ def segment_sides(
     Raises :class:`EndoctError` where all evidence of a side is alike.
     """
     agreement = None if alignment is None else alignment.correlation
-    of_a, of_b = a.evidence, b.evidence
+    of_a, of_b = a.in_reference.evidence, b.in_reference.evidence
 
     def segmented(side: Side, other: Evidence, agrees: float | None) -> Segmentation:
-        if side.cell_evidence(parameters.segment).knows_cells:
+        if side.in_reference.cell_evidence(parameters.segment).knows_cells:
             return segment_side(side, parameters, "dark")
-        return segment_side(side, parameters, *_polarity(side, polarity, other, agrees))
+        return segment_side(side, parameters, *_polarity(side.in_reference, polarity, other, agrees))
 
     return at_once(
         lambda: segmented(a, of_b, agreement if of_b.knows_cells else None), lambda: segmented(b, of_a, agreement)
@@ -52,6 +52,11 @@ def segment_side(
 
     Raises :class:`EndoctError` where all evidence is alike.
     """
+    if side.scale != 1:
+        cells = segment_side(side.in_reference, parameters, polarity, polarity_from)
+        in_mm = None if cells.threshold is None or cells.unit != "mm" else side.scale * cells.threshold
+        of = cells.of if cells.by == "mask" else f"{cells.of}; lengths as in a bore of 2.5 mm"
+        return replace(cells, threshold=cells.threshold if in_mm is None else in_mm, of=of)
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
@@ -79,7 +84,7 @@ def segment(
 
 def contrast_of(side: Side, cells: Segmentation) -> Evidence | None:
     """Return the evidence by which ``cells`` were separated from the wall, where that is the intensity."""
-    return None if cells.polarity is None else side.contrast(cells.polarity)
+    return None if cells.polarity is None else side.in_reference.contrast(cells.polarity)
 
 
 def doubts_of_side(side: Side, cells: Segmentation) -> tuple[Doubt, ...]:

@@ -54,9 +54,13 @@ class Seen:
 
 
 def seen_by_both(placed: Placed) -> Seen | None:
-    """Return what two aligned sides show, of which one measures depth and one does not; None of any others."""
+    """Return what two aligned sides show, of which one measures depth and one does not; None of any others.
+
+    Nor of masks drawn by hand, and of bores far wider than those in bone, which the networks do not know.
+    """
     measures = [side.relief is not None for side in placed.both]
-    if placed.outcome.alignment is None or sum(measures) != 1 or any(side.drawing for side in placed.both):
+    is_other = any(side.drawing is not None or side.scale != 1 for side in placed.both)
+    if placed.outcome.alignment is None or sum(measures) != 1 or is_other:
         return None
     d = measures.index(True)
     depth, light = placed.both[d], placed.both[1 - d]

@@ -66,7 +66,7 @@ class Wall:
         """
         light = next(side for side, of in zip(placed.sides, placed.both, strict=True) if of.relief is None)
         a = placed.both[0].panorama
-        known = np.isfinite(self.relief_mm)
+        known: Mask = np.isfinite(self.relief_mm)
         return Panorama(
             grid=self.grid,
             intensity=np.where(light.valid, light.intensity, np.float32(1)),
@@ -113,7 +113,7 @@ def depth_features(seen: Seen, cells: Mask) -> NDArray[np.float32]:
     own, around = seen.relief_in_cells_mm[cells], seen.relief_mm[cells]
     trust = TRUST_MM / (TRUST_MM + seen.parallax_error_mm[cells])
     parts = own, around, np.isfinite(own), inside_mm[cells], from_row_mm[cells], seen.parallax_mm[cells], trust
-    return np.nan_to_num(np.stack(parts)).astype(np.float32)
+    return np.asarray(np.nan_to_num(np.stack(parts)), np.float32)
 
 
 def told_depth(seen: Seen) -> Image:

@@ -91,7 +91,7 @@ def strips_lie_on_the_grid(subject: Subject) -> None:
 
 def strips_are_sound(subject: Subject) -> None:
     """What is valid is finite, weights are not negative, depth is there where promised, and something was seen."""
-    promised = "depth" in subject.manifest.provides
+    promised = "depth" in getattr(subject.stream, "provides", subject.manifest.provides)
     for index, strip in subject.strips.items():
         demand(
             (strip.depth_mm is not None) == promised, f"frame {index}: depth is {'' if promised else 'not '}promised"

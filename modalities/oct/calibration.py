@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Mask
+from endoct.base.numeric.sine import Sine
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.face_circle import Capillary
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
-from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.background import Background

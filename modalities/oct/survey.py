@@ -10,13 +10,13 @@ from endoct.base.arrays import Coordinates
 from endoct.base.compute.memory import Computed, Kept
 from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.errors import NotSeen
+from endoct.base.numeric.sine import Sine
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of
 from endoct.modalities.oct.calibration import OctCalibration, per_slice_values
 from endoct.modalities.oct.face.course import Course, measure_course
 from endoct.modalities.oct.face.faces import Faces, fit_sines, locate_faces
 from endoct.modalities.oct.face.glass import Glass, measure_glass
-from endoct.modalities.oct.face.sine import Sine
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.notes import notes_on_survey

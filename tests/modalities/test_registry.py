@@ -155,7 +155,7 @@ def test_the_registry_imports_neither_torch_nor_opencv() -> None:
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     names, heavy = run.stdout.splitlines()
-    assert names == "['endoscope', 'oct']"
+    assert names == "['endoscope', 'oct', 'unrolled']"
     assert heavy == "[]"
 
 

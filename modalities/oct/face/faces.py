@@ -21,10 +21,11 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import medians
+from endoct.base.numeric.sine import Sine
 from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import Lines, fit_circle
 from endoct.modalities.oct.face.points import Points, tukey_weight
-from endoct.modalities.oct.face.sine import Sine, slice_sine
+from endoct.modalities.oct.face.sine import slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters

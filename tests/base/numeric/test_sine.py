@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.modalities.oct.face.sine import Sine, ransac_sine
+from endoct.base.numeric.sine import Sine, ransac_sine
 
 TURN = 2 * np.pi * np.arange(256) / 256
 
