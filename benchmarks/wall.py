@@ -32,8 +32,8 @@ from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.wall.seen import FARTHEST_MM, Seen, cell_features, seen_by_both
-from endoct.fusion.wall.wall import depth_features, told_depth, wall_from
+from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, both_sides_of, cell_features
+from endoct.fusion.wall.wall import depth_features, known_depth, wall_from
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench import simulate, unroll
@@ -51,7 +51,7 @@ class Known:
 
     name: str
     seed: int
-    seen: Seen
+    sides: BothSides
     cell: Mask
     relief_mm: Image
 
@@ -62,11 +62,11 @@ def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, 
         placed = place_sides(*two_sides(a, b), CompareParameters())
     except EndoctError:
         return None
-    if (seen := seen_by_both(placed)) is None:
+    if (sides := both_sides_of(placed)) is None:
         return None
     onto = placed.samplings[0].onto(placed.grid)
     true, _ = onto.mask(cell, np.ones(cell.shape, np.bool_))
-    return Known(name, seed, seen, true, onto.known(relief_mm, np.isfinite(relief_mm)))
+    return Known(name, seed, sides, true, onto.known(relief_mm, np.isfinite(relief_mm)))
 
 
 def made(name: str, seed: int, into: Path) -> str:
@@ -98,7 +98,7 @@ def made(name: str, seed: int, into: Path) -> str:
     if known is None:
         return f"{path.name}: not aligned"
     keep(known, path)
-    return f"{path.name}: {known.seen.grid.shape}"
+    return f"{path.name}: {known.sides.grid.shape}"
 
 
 def keep(known: Known, path: Path) -> None:
@@ -124,14 +124,14 @@ def train(folder: Path, into: Path) -> None:
     cells: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
     depths: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
     for known in kept(folder):
-        seen, features = known.seen, cell_features(known.seen)
-        near = seen.observed[0] & seen.observed[1] & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
+        sides, features = known.sides, cell_features(known.sides)
+        near = sides.observed[0] & sides.observed[1] & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
         some = rng.choice(np.flatnonzero(near), SAMPLES_A_PAIR)
         cells.append((features.reshape(len(features), -1)[:, some], known.cell.ravel()[some].astype(np.float32)[None]))
-        depth_mm = told_depth(seen)
-        told = (seen.cells[0] | seen.cells[1]) & known.cell & np.isfinite(depth_mm)
+        depth_mm = known_depth(sides)
+        told = (sides.cells[0] | sides.cells[1]) & known.cell & np.isfinite(depth_mm)
         if told.any():
-            of_cells = depth_features(seen, told)
+            of_cells = depth_features(sides, told)
             some = rng.choice(of_cells.shape[1], SAMPLES_A_PAIR)
             depths.append((of_cells[:, some], (known.relief_mm - depth_mm)[told][some][None]))
 
@@ -173,10 +173,10 @@ Row = dict[str, float]
 
 def judged(known: Known) -> Row:
     """Return what the wall and its rivals come to on a specimen, where both sides observed it."""
-    seen, wall = known.seen, wall_from(known.seen)
-    both = seen.observed[0] & seen.observed[1] & np.isfinite(known.relief_mm)
-    sample_mm = seen.grid.dz_mm, seen.grid.dtheta_mm
-    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
+    sides, wall = known.sides, wall_from(known.sides)
+    both = sides.observed[0] & sides.observed[1] & np.isfinite(known.relief_mm)
+    sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
+    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
     mean = signed_distance(light, sample_mm, FARTHEST_MM) + signed_distance(depth, sample_mm, FARTHEST_MM) > 0
     masks = {"wall": wall.cells, "light": light, "depth": depth, "union": light | depth, "both": light & depth}
     masks["mean"] = mean
@@ -194,7 +194,7 @@ def judged(known: Known) -> Row:
             name = f"{low:g}–{high:g}"
             row |= {f"{name} mean |error|": float(np.abs(off).mean()), f"{name} bias": float(np.median(off))}
             row |= {f"{name} in {k} sigma": float((np.abs(off) <= k * sigma).mean()) for k in (1, 2)}
-            linear = np.abs(np.nan_to_num(seen.relief_mm[part]) - known.relief_mm[part])
+            linear = np.abs(np.nan_to_num(sides.relief_mm[part]) - known.relief_mm[part])
             row[f"{name} linear"] = float(linear.mean())
     return row
 

@@ -12,7 +12,7 @@ from endoct.base.arrays import Mask
 from endoct.base.numeric.regions import label, label_in_order
 from endoct.fusion.result import Contradiction, WallSummary
 from endoct.fusion.sides import Placed
-from endoct.fusion.wall.seen import Seen, seen_by_both
+from endoct.fusion.wall.both_sides import BothSides, both_sides_of
 from endoct.fusion.wall.wall import BY_BOTH, Wall, wall_from
 from endoct.stitching.grid import SurfaceGrid
 
@@ -66,7 +66,7 @@ def _cell(wall: Wall, number: int, part: NDArray[np.intp], sample_mm2: float) ->
     depth_mm, error_mm = wall.relief_mm.flat[part], wall.error_mm.flat[part]
     told = np.isfinite(depth_mm)
     mean_mm, off_mm, deepest_mm = np.nan, np.nan, np.nan
-    if told.any():  # of a cell, errors go together: its floor is seen, or is not
+    if told.any():  # of a cell, errors go together: its floor is sides, or is not
         mean_mm, off_mm = float(depth_mm[told].mean()), float(error_mm[told].mean())
         deepest_mm = float(np.percentile(depth_mm[told], 95))
     area_mm2 = part.size * sample_mm2
@@ -100,26 +100,24 @@ def write_wall_cells(cells: Sequence[WallCell], path: Path) -> None:
         writer.writerows(["" if each != each else f"{each:.6g}" for each in astuple(cell)] for cell in cells)
 
 
-def contradictions_of(seen: Seen, names: tuple[str, str]) -> tuple[Contradiction, ...]:
+def contradictions_of(sides: BothSides, names: tuple[str, str]) -> tuple[Contradiction, ...]:
     """Return where a side surely shows a cell and the other one, by ``names``, surely shows wall, largest first."""
-    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
-    both = seen.observed[0] & seen.observed[1]
-    on_rows = np.broadcast_to((seen.from_row_mm <= ON_ROWS_MM)[:, np.newaxis], light.shape) & np.isfinite(
-        seen.relief_mm
-    )
+    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
+    both = sides.observed[0] & sides.observed[1]
+    on_rows = np.isfinite(sides.relief_mm) & (sides.from_row_mm <= ON_ROWS_MM)[:, np.newaxis]
     found = [
-        *_denied(seen, light & both, depth, on_rows, names[seen.light_side], by_light=True),
-        *_denied(seen, depth & both, light, on_rows, names[seen.depth_side], by_light=False),
+        *_denied(sides, light & both, depth, on_rows, names[sides.light_side], by_light=True),
+        *_denied(sides, depth & both, light, on_rows, names[sides.depth_side], by_light=False),
     ]
     return tuple(sorted(found, key=lambda each: -each.area_mm2))
 
 
 def _denied(
-    seen: Seen, cells: Mask, other: Mask, on_rows: Mask, name: str, *, by_light: bool
+    sides: BothSides, cells: Mask, other: Mask, on_rows: Mask, name: str, *, by_light: bool
 ) -> Iterator[Contradiction]:
     """Yield which of ``cells``, those of the side with light or the other one's, the other side surely denies."""
     labels, n = label(cells)
-    sample_mm2 = seen.grid.dz_mm * seen.grid.dtheta_mm
+    sample_mm2 = sides.grid.dz_mm * sides.grid.dtheta_mm
     covered = np.bincount(labels[cells], weights=other[cells], minlength=n + 1)
     sizes = np.bincount(labels[cells], minlength=n + 1)
     for k in np.flatnonzero((sizes * sample_mm2 >= LEAST_MM2) & (covered <= MOST_COVERED * sizes)):
@@ -129,13 +127,13 @@ def _denied(
         measured = part[on_rows.flat[part]]
         if measured.size < LEAST_ON_ROWS:
             continue
-        relief_mm = float(np.median(seen.relief_mm.flat[measured]))
-        probable = seen.probability.flat[part]
+        relief_mm = float(np.median(sides.relief_mm.flat[measured]))
+        probable = sides.probability.flat[part]
         probability = float(np.median(probable[np.isfinite(probable)])) if np.isfinite(probable).any() else np.nan
         sure_light = probability >= SURE_OF_LIGHT if by_light else probability <= 1 - SURE_OF_LIGHT
         sure_depth = relief_mm <= FLAT_MM if by_light else relief_mm >= DEEP_MM
         if sure_light and sure_depth:
-            theta_rad, z_mm = _middle(seen.grid, part)
+            theta_rad, z_mm = _middle(sides.grid, part)
             yield Contradiction(
                 shown_by=name, theta_rad=theta_rad, z_mm=z_mm, area_mm2=part.size * sample_mm2,
                 relief_mm=relief_mm, probability=probability,
@@ -172,8 +170,8 @@ def join(placed: Placed) -> Joined | None:
 
     Nothing of the comparison rests on it: masks, scores and alignment of both sides stay what they are.
     """
-    if (seen := seen_by_both(placed)) is None:
+    if (sides := both_sides_of(placed)) is None:
         return None
-    wall = wall_from(seen)
+    wall = wall_from(sides)
     cells, names = cells_of(wall), (placed.sides[0].name, placed.sides[1].name)
-    return Joined(wall, cells, summary_of(cells, contradictions_of(seen, names)))
+    return Joined(wall, cells, summary_of(cells, contradictions_of(sides, names)))

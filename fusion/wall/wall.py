@@ -11,8 +11,8 @@ from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.base.numeric.regions import remove_small
 from endoct.fusion.sides import Placed
+from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, cell_features
 from endoct.fusion.wall.network import answers
-from endoct.fusion.wall.seen import FARTHEST_MM, Seen, cell_features
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
@@ -87,56 +87,56 @@ class Wall:
         )
 
 
-def wall_from(seen: Seen) -> Wall:
+def wall_from(sides: BothSides) -> Wall:
     """Return the wall by what both sides show of it."""
-    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
-    saw_light, saw_depth = seen.observed[seen.light_side], seen.observed[seen.depth_side]
+    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
+    saw_light, saw_depth = sides.observed[sides.light_side], sides.observed[sides.depth_side]
     probability = np.where(saw_light, light, depth).astype(np.float32)
-    features = cell_features(seen)
+    features = cell_features(sides)
     near = saw_light & saw_depth & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
     probability[near] = expit(answers("cell", features[:, near])[0])
     probability[~(saw_light | saw_depth)] = np.nan
-    smallest_px = SMALLEST_MM2 / (seen.grid.dz_mm * seen.grid.dtheta_mm)
+    smallest_px = SMALLEST_MM2 / (sides.grid.dz_mm * sides.grid.dtheta_mm)
     cells = remove_small(probability > 0.5, smallest_px)
-    relief_mm, error_mm = _relief(seen, cells)
-    return Wall(seen.grid, probability, cells, relief_mm, error_mm, _decided(seen, cells))
+    relief_mm, error_mm = _relief(sides, cells)
+    return Wall(sides.grid, probability, cells, relief_mm, error_mm, _decided(sides, cells))
 
 
-def depth_features(seen: Seen, cells: Mask) -> NDArray[np.float32]:
+def depth_features(sides: BothSides, cells: Mask) -> NDArray[np.float32]:
     """Return what tells the depth of ``cells``, float32 (7, n), for each of their samples.
 
     Relief measured in the cell and around, 0 where it is not known, and whether it is; the distance to the cell's
     outline and to the nearest measured row; relief by parallax and the trust in it, 0 where that is not known.
     """
-    inside_mm = signed_distance(cells, (seen.grid.dz_mm, seen.grid.dtheta_mm), FARTHEST_MM)
-    from_row_mm = np.broadcast_to(seen.from_row_mm[:, np.newaxis], cells.shape)
-    own, around = seen.relief_in_cells_mm[cells], seen.relief_mm[cells]
-    trust = TRUST_MM / (TRUST_MM + seen.parallax_error_mm[cells])
-    parts = own, around, np.isfinite(own), inside_mm[cells], from_row_mm[cells], seen.parallax_mm[cells], trust
+    inside_mm = signed_distance(cells, (sides.grid.dz_mm, sides.grid.dtheta_mm), FARTHEST_MM)
+    from_row_mm = np.broadcast_to(sides.from_row_mm[:, np.newaxis], cells.shape)
+    own, around = sides.relief_in_cells_mm[cells], sides.relief_mm[cells]
+    trust = TRUST_MM / (TRUST_MM + sides.parallax_error_mm[cells])
+    parts = own, around, np.isfinite(own), inside_mm[cells], from_row_mm[cells], sides.parallax_mm[cells], trust
     return np.asarray(np.nan_to_num(np.stack(parts)), np.float32)
 
 
-def told_depth(seen: Seen) -> Image:
+def known_depth(sides: BothSides) -> Image:
     """Return the relief that was measured, and by parallax where none was, float32, NaN where neither is known."""
-    return np.asarray(np.where(np.isfinite(seen.relief_mm), seen.relief_mm, seen.parallax_mm))
+    return np.asarray(np.where(np.isfinite(sides.relief_mm), sides.relief_mm, sides.parallax_mm))
 
 
-def _relief(seen: Seen, cells: Mask) -> tuple[Image, Image]:
+def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
     """Return relief and its standard error: of the plain wall as it was measured, of cells by all that tells of it."""
-    plain = seen.observed[seen.depth_side] & ~cells
-    relief_mm = np.where(plain, seen.relief_mm, np.float32(np.nan)).astype(np.float32)
+    plain = sides.observed[sides.depth_side] & ~cells
+    relief_mm = np.where(plain, sides.relief_mm, np.float32(np.nan)).astype(np.float32)
     of_wall = relief_mm[plain]
     error_mm = np.where(plain, np.float32(robust_sigma(of_wall) if of_wall.size else np.nan), np.float32(np.nan))
-    told = cells & np.isfinite(told_depth(seen))
-    beyond_mm, log_error = answers("depth", depth_features(seen, told))
-    relief_mm[told] = np.maximum(told_depth(seen)[told] + beyond_mm, SHALLOWEST_MM)
+    told = cells & np.isfinite(known_depth(sides))
+    beyond_mm, log_error = answers("depth", depth_features(sides, told))
+    relief_mm[told] = np.maximum(known_depth(sides)[told] + beyond_mm, SHALLOWEST_MM)
     error_mm[told] = np.clip(OF_SCALE * np.exp(log_error), *ERRORS_MM)
     return relief_mm, error_mm
 
 
-def _decided(seen: Seen, cells: Mask) -> NDArray[np.uint8]:
-    light, depth = (cells == seen.cells[k] for k in (seen.light_side, seen.depth_side))
-    saw_light, saw_depth = seen.observed[seen.light_side], seen.observed[seen.depth_side]
+def _decided(sides: BothSides, cells: Mask) -> NDArray[np.uint8]:
+    light, depth = (cells == sides.cells[k] for k in (sides.light_side, sides.depth_side))
+    saw_light, saw_depth = sides.observed[sides.light_side], sides.observed[sides.depth_side]
     decided = np.full(cells.shape, BY_BOTH, np.uint8)
     decided[saw_light & (~saw_depth | (light & ~depth))] = BY_LIGHT
     decided[saw_depth & (~saw_light | (depth & ~light))] = BY_DEPTH

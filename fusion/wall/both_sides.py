@@ -13,7 +13,7 @@ from endoct.stitching.grid import SurfaceGrid
 
 FARTHEST_MM = 0.3
 """An outline farther off says no more than that it is far."""
-BESIDE_MM = 0.1
+AROUND_MM = 0.1
 """What one side shows of a cell counts so far beyond the cell's outline, too."""
 LEAST_LOGIT = 0.01
 """A probability this near to 0 or 1 is as sure as any."""
@@ -24,7 +24,7 @@ LEAST_OF_ROWS = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class BothSides:
     """What both sides show on ``grid``, arrays (n_z, n_theta).
 
     Attributes
@@ -53,7 +53,7 @@ class Seen:
     from_row_mm: NDArray[np.float64]
 
 
-def seen_by_both(placed: Placed) -> Seen | None:
+def both_sides_of(placed: Placed) -> BothSides | None:
     """Return what two aligned sides show, of which one measures depth and one does not; None of any others.
 
     Nor of masks drawn by hand, and of bores far wider than those in bone, which the networks do not know.
@@ -73,7 +73,7 @@ def seen_by_both(placed: Placed) -> Seen | None:
     rows_mm = np.sort(of_depth.where.z_to_a(of_depth.grid.z_mm))
     place = np.clip(np.searchsorted(rows_mm, grid.z_mm), 1, max(rows_mm.size - 1, 1))
     either = np.abs(grid.z_mm - rows_mm[place - 1]), np.abs(grid.z_mm - rows_mm[min(1, rows_mm.size - 1) and place])
-    return Seen(
+    return BothSides(
         grid=grid,
         depth_side=d,
         light_side=1 - d,
@@ -88,30 +88,30 @@ def seen_by_both(placed: Placed) -> Seen | None:
     )
 
 
-def cell_features(seen: Seen) -> NDArray[np.float32]:
+def cell_features(sides: BothSides) -> NDArray[np.float32]:
     """Return what tells a cell, float32 (6, n_z, n_theta).
 
     Signed distances to the outlines of both sides, light first; the eye's log odds; measured relief; which share of the
     other side's nearest cell, depth first, each side covers.
     """
-    sample_mm = seen.grid.dz_mm, seen.grid.dtheta_mm
-    light, depth = seen.cells[seen.light_side], seen.cells[seen.depth_side]
-    probable = np.nan_to_num(seen.probability, nan=0.5)
+    sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
+    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
+    probable = np.nan_to_num(sides.probability, nan=0.5)
     return np.stack(
         [
             signed_distance(light, sample_mm, FARTHEST_MM),
             signed_distance(depth, sample_mm, FARTHEST_MM),
             np.log((probable + LEAST_LOGIT) / (1 + LEAST_LOGIT - probable)),
-            np.nan_to_num(np.clip(seen.relief_mm, SHALLOWEST_MM, DEEPEST_MM)),
-            _covered(depth & seen.observed[seen.light_side], light, sample_mm),
-            _covered(light & seen.observed[seen.depth_side], depth, sample_mm),
+            np.nan_to_num(np.clip(sides.relief_mm, SHALLOWEST_MM, DEEPEST_MM)),
+            _covered(depth & sides.observed[sides.light_side], light, sample_mm),
+            _covered(light & sides.observed[sides.depth_side], depth, sample_mm),
         ]
     ).astype(np.float32, copy=False)
 
 
 def _covered(cells: Mask, other: Mask, sample_mm: tuple[float, float]) -> Image:
     """Return at samples in or beside a cell which share of it ``other`` covers, float32, 1 far from all cells."""
-    beside = within(cells, BESIDE_MM / sample_mm[0], BESIDE_MM / sample_mm[1])
+    beside = within(cells, AROUND_MM / sample_mm[0], AROUND_MM / sample_mm[1])
     labels, n = label(beside)
     inside = labels[cells]
     of_all = np.bincount(inside, minlength=n + 1)

@@ -1,0 +1,221 @@
+"""The one wall of two sides: who is followed where, depths with their errors, and contradictions."""
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bore_pairs import Pair
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Mask
+from endoct.fusion.comparison import place_sides
+from endoct.fusion.evidence.side import DrawnMask, two_sides
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.scoring.overlap import jaccard
+from endoct.fusion.wall.both_sides import BothSides, both_sides_of, cell_features
+from endoct.fusion.wall.cells import cells_of, contradictions_of, join, write_wall_cells
+from endoct.fusion.wall.network import answers
+from endoct.fusion.wall.wall import BY_BOTH, BY_DEPTH, BY_LIGHT, NOBODY, depth_features, known_depth, wall_from
+from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.store import load_panorama, save_panorama
+
+GRID = SurfaceGrid.full_circle(150, 400, z0_mm=1.0, dz_mm=0.02, radius_mm=1.25)
+ROWS_MM = np.arange(0.0, 5.0, 0.2)
+NAMES = "endoscope", "oct"
+
+
+def disc(z_mm: float, theta_rad: float, radius_mm: float) -> Mask:
+    """Return a round cell, which may cross the seam."""
+    away = np.abs(np.mod(GRID.theta_rad - theta_rad + np.pi, 2 * np.pi) - np.pi) * GRID.radius_mm
+    return np.asarray(np.hypot(GRID.z_mm[:, None] - z_mm, away) < radius_mm)
+
+
+def sides(light: Mask, depth: Mask, relief_mm: NDArray[np.float64] | None = None, **changed: object) -> BothSides:
+    """Return what an endoscope and an OCT show of ``light`` and ``depth``: floors 0.3 mm deep, a little noise."""
+    noise = np.random.default_rng(0).normal(0, 0.004, GRID.shape)
+    relief = (np.where(depth, 0.3, 0.0) if relief_mm is None else relief_mm) + noise
+    nowhere = np.full(GRID.shape, np.nan, np.float32)
+    made = BothSides(
+        grid=GRID,
+        depth_side=1,
+        light_side=0,
+        cells=(light, depth),
+        observed=(np.ones(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)),
+        probability=np.where(light, 0.98, 0.02).astype(np.float32),
+        relief_mm=relief.astype(np.float32),
+        relief_in_cells_mm=np.where(depth, relief, np.nan).astype(np.float32),
+        parallax_mm=nowhere,
+        parallax_error_mm=nowhere,
+        from_row_mm=np.abs(GRID.z_mm[:, None] - ROWS_MM).min(axis=1),
+    )
+    return replace(made, **changed)  # type: ignore[arg-type]
+
+
+def test_what_both_show_is_the_wall_over_the_seam_too() -> None:
+    cell = disc(2.5, 0.05, 0.4)
+    wall = wall_from(sides(cell, cell))
+    assert jaccard(wall.cells, cell, np.ones(GRID.shape, np.bool_)) == pytest.approx(1, abs=0.03)
+    assert wall.cells[:, 0].any()
+    assert wall.cells[:, -1].any()
+    assert (wall.decided[disc(2.5, 0.05, 0.3)] == BY_BOTH).all()
+    assert np.median(wall.relief_mm[wall.cells]) == pytest.approx(0.3, abs=0.03)
+    assert abs(np.median(wall.relief_mm[~wall.cells])) < 0.003
+    assert np.median(wall.error_mm[~wall.cells]) == pytest.approx(0.004, rel=0.1)  # the noise of the plain wall
+
+
+def test_rolling_both_sides_rolls_the_wall() -> None:
+    light, depth = disc(2.0, 1.0, 0.4) | disc(3.0, 4.0, 0.2), disc(2.0, 1.1, 0.35)
+    rolled = wall_from(sides(np.roll(light, 170, 1), np.roll(depth, 170, 1), np.zeros(GRID.shape)))
+    plain = wall_from(sides(light, depth, np.zeros(GRID.shape)))
+    same = np.roll(plain.cells, 170, 1)
+    assert jaccard(rolled.cells, same, np.ones(GRID.shape, np.bool_)) == pytest.approx(1, abs=0.02)  # but for the noise
+
+
+def test_a_floor_that_light_does_not_show_is_a_cell_by_depth() -> None:
+    lit = disc(2.5, 3.0, 0.4)
+    wall = wall_from(sides(np.zeros(GRID.shape, np.bool_), lit, probability=np.full(GRID.shape, 0.3, np.float32)))
+    assert (wall.cells & lit).sum() > 0.8 * lit.sum()
+    assert (wall.decided[wall.cells & lit] == BY_DEPTH).all()
+
+
+def test_an_outline_is_that_of_light_where_depth_shows_part_of_a_cell() -> None:
+    whole, part = disc(2.5, 3.0, 0.25), disc(2.5, 3.0, 0.15)
+    wall = wall_from(sides(whole, part))
+    assert (wall.cells & whole).sum() > 0.7 * whole.sum()
+    assert (wall.decided[wall.cells & whole & ~part] == BY_LIGHT).all()
+
+
+def test_where_one_side_alone_saw_the_wall_its_cells_are_the_walls() -> None:
+    light, depth = disc(1.5, 1.0, 0.3), disc(3.5, 1.0, 0.3)
+    upper = np.broadcast_to(GRID.z_mm[:, None] < 2.5, GRID.shape)
+    neither = np.broadcast_to(GRID.theta_rad > 5.5, GRID.shape)
+    wall = wall_from(sides(light, depth, observed=(upper & ~neither, ~upper & ~neither)))
+    assert np.array_equal(wall.cells, light | depth)
+    assert (wall.decided[upper & ~neither] == BY_LIGHT).all()
+    assert (wall.decided[~upper & ~neither] == BY_DEPTH).all()
+    assert (wall.decided[neither] == NOBODY).all()
+    assert np.isnan(wall.probability[neither]).all()
+    assert not wall.observed[neither].any()
+    assert np.isnan(wall.relief_mm[upper & ~light]).all()  # nobody measured the plain wall there
+
+
+def test_depth_is_taken_by_parallax_where_none_was_measured() -> None:
+    cell = disc(2.5, 3.0, 0.4)
+    nowhere = np.full(GRID.shape, np.nan, np.float32)
+    made = replace(
+        sides(cell, np.zeros(GRID.shape, np.bool_)),
+        observed=(np.ones(GRID.shape, np.bool_), np.zeros(GRID.shape, np.bool_)),
+        relief_mm=nowhere,
+        relief_in_cells_mm=nowhere,
+        parallax_mm=np.where(cell, np.float32(0.4), np.float32(0)),
+        parallax_error_mm=np.full(GRID.shape, 0.02, np.float32),
+    )
+    assert np.nanmedian(known_depth(made)[cell]) == pytest.approx(0.4)
+    wall = wall_from(made)
+    assert np.nanmedian(wall.relief_mm[wall.cells]) == pytest.approx(0.4, abs=0.1)
+    assert (wall.error_mm[wall.cells & np.isfinite(wall.relief_mm)] >= 0.005).all()
+
+
+def test_features_are_those_that_the_networks_were_trained_on() -> None:
+    cell, other = disc(2.5, 3.0, 0.4), disc(2.5, 3.0, 0.2)
+    made = sides(cell, other)
+    features = cell_features(made)
+    assert features.shape == (6, *GRID.shape)
+    middle = features[:, 75, np.argmin(np.abs(GRID.theta_rad - 3.0))]
+    assert middle[0] == pytest.approx(0.3)  # capped
+    assert middle[1] == pytest.approx(0.2, abs=0.03)
+    assert middle[2] == pytest.approx(np.log(0.99 / 0.03), abs=1e-3)
+    assert middle[3] == pytest.approx(0.3, abs=0.02)
+    assert middle[4] == 1  # light covers all of depth's cell
+    assert middle[5] == pytest.approx(0.25, abs=0.03)  # of light's cell depth covers a quarter
+    assert features[4:, 0, 0].tolist() == [1, 1]
+    of_depth = depth_features(made, other)
+    assert of_depth.shape == (7, other.sum())
+    assert of_depth[2].min() == 1
+    assert (of_depth[5:] == 0).all()  # no parallax
+    assert of_depth[4].max() <= 0.1 + 1e-6  # rows lie 0.2 mm apart
+
+
+def test_a_sample_is_answered_alike_among_many() -> None:
+    rng = np.random.default_rng(0)
+    features = rng.normal(0, 0.3, (6, 70_000)).astype(np.float32)
+    together = answers("cell", features)
+    assert together.shape == (1, 70_000)
+    assert answers("cell", features[:, 65_530:65_540]) == pytest.approx(together[:, 65_530:65_540], abs=1e-4)
+    assert answers("depth", np.zeros((7, 3), np.float32)).shape == (2, 3)
+
+
+def test_cells_have_area_volume_and_errors(tmp_path: Path) -> None:
+    cell = disc(2.5, 0.0, 0.4)
+    wall = replace(
+        wall_from(sides(cell, cell)),
+        cells=cell,
+        probability=np.where(cell, np.float32(0.9), np.float32(0.1)),
+        relief_mm=np.where(cell, np.float32(0.3), np.float32(0)),
+        error_mm=np.full(GRID.shape, 0.02, np.float32),
+    )
+    (found,) = cells_of(wall)
+    area_mm2 = np.pi * 0.4**2
+    assert found.area_mm2 == pytest.approx(area_mm2, rel=0.02)
+    assert found.area_error_mm2 == 0
+    assert min(found.theta_rad, 2 * np.pi - found.theta_rad) < 0.02
+    assert found.z_mm == pytest.approx(2.5, abs=0.011)
+    assert (found.mean_depth_mm, found.greatest_depth_mm) == pytest.approx((0.3, 0.3))
+    assert found.volume_mm3 == pytest.approx(0.3 * area_mm2, rel=0.02)
+    assert found.volume_error_mm3 == pytest.approx(0.02 * area_mm2, rel=0.02)
+    unsure = replace(wall, probability=np.where(disc(2.5, 0.0, 0.2), 0.9, 0.6).astype(np.float32))
+    assert cells_of(unsure)[0].area_error_mm2 == pytest.approx(0.75 * area_mm2, rel=0.04)
+    write_wall_cells([found, replace(found, id=2, mean_depth_mm=float("nan"))], tmp_path / "cells.csv")
+    rows = list(csv.DictReader((tmp_path / "cells.csv").read_text("utf-8").splitlines()))
+    assert [row["id"] for row in rows] == ["1", "2"]
+    assert float(rows[0]["mean_depth_mm"]) == pytest.approx(0.3)
+    assert rows[1]["mean_depth_mm"] == ""
+
+
+def test_what_both_are_sure_of_and_disagree_about_is_found() -> None:
+    stain, fluid, doubtful = disc(1.5, 0.0, 0.25), disc(2.5, 2.0, 0.3), disc(3.5, 4.0, 0.3)
+    probability = np.where(stain, 0.98, np.where(doubtful, 0.6, 0.02)).astype(np.float32)
+    made = sides(stain | doubtful, fluid, probability=probability)
+    first, second = contradictions_of(made, NAMES)
+    assert (first.shown_by, second.shown_by) == ("oct", "endoscope")
+    assert first.relief_mm == pytest.approx(0.3, abs=0.01)
+    assert first.probability == pytest.approx(0.02)
+    assert second.relief_mm == pytest.approx(0.0, abs=0.002)
+    assert second.area_mm2 == pytest.approx(np.pi * 0.25**2, rel=0.05)
+    assert min(second.theta_rad, 2 * np.pi - second.theta_rad) < 0.02
+    assert first.z_mm == pytest.approx(2.5, abs=0.011)
+    both_see = sides(stain | fluid, stain | fluid)
+    assert contradictions_of(both_see, NAMES) == ()
+    far = replace(made, from_row_mm=np.full(GRID.n_z, 0.1))
+    assert contradictions_of(far, NAMES) == ()  # no measured row speaks of them
+
+
+def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_path: Path) -> None:
+    placed = place_sides(*two_sides(pair.a, pair.b), CompareParameters())
+    before = [(side.mask.copy(), cells.mask.copy()) for side, cells in zip(placed.sides, placed.cells, strict=True)]
+    joined = join(placed)
+    assert joined is not None
+    for (on_grid, own), side, cells in zip(before, placed.sides, placed.cells, strict=True):
+        assert np.array_equal(side.mask, on_grid)
+        assert np.array_equal(cells.mask, own)
+    assert joined.summary.cells == len(joined.cells) > 5
+    assert joined.summary.area_mm2 == pytest.approx(sum(cell.area_mm2 for cell in joined.cells))
+    save_panorama(joined.wall.as_panorama(placed), tmp_path / "wall.zarr")
+    read = load_panorama(tmp_path / "wall.zarr")
+    assert (read.modality, read.frame_dim, read.depth_mm is None) == ("wall", "row", False)
+    assert read.per_frame["cell_probability"].values.shape == read.grid.shape
+    known = np.isfinite(joined.wall.relief_mm)
+    assert np.array_equal(read.valid, known)
+    assert np.array_equal(read.depth_mm[known], joined.wall.relief_mm[known])  # type: ignore[index]
+
+
+def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) -> None:
+    parameters = CompareParameters()
+    placed = place_sides(*two_sides(pair.a, pair.b), parameters)
+    assert both_sides_of(placed) is not None
+    assert join(replace(placed, outcome=replace(placed.outcome, alignment=None))) is None
+    assert join(place_sides(*two_sides(pair.a, pair.a), parameters)) is None
+    drawn = DrawnMask(pair.b.grid, placed.cells[1].mask, "me", "1", pair.b)
+    assert join(place_sides(*two_sides(drawn, pair.b), parameters)) is None
