@@ -1,6 +1,7 @@
 """Examples of a published set: arrays of every task, learning from them, and layouts of other libraries."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,19 @@ from PIL import Image
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.examples import Examples, write_layout
+from endoct.workbench.bench.published.specimen_set import SET_FILE
 from endoct.workbench.running.progress import SilentStages
 
 ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(scope="module")
+def made_set(made_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The set with specimens to learn from."""
+    folder = Path(shutil.copytree(made_set, tmp_path_factory.mktemp("learnt") / "set"))
+    listed = (folder / SET_FILE).read_text(encoding="utf-8")
+    (folder / SET_FILE).write_text(listed.replace('"split":"test"', '"split":"train"'), encoding="utf-8")
+    return folder
 
 
 def test_segmentation_has_the_truth_on_the_panoramas_samples(made_set: Path) -> None:
