@@ -62,7 +62,7 @@ def test_all_kinds_are_drawn_alike_by_a_seed_from_lines_that_changed() -> None:
     ("module", "first"),
     [
         ("fusion/pose/finding.py", "tests/fusion/pose/test_finding.py"),
-        ("fusion/registration/equations.py", "tests/fusion/registration/test_refinement.py"),  # which imports it
+        ("fusion/registration/equations.py", "tests/fusion/registration/test_bending.py"),  # which imports it
         ("modalities/dicom/samples.py", "tests/modalities/dicom/"),  # of what imports what imports it
         ("workbench/report/figures/surfaces.py", "tests/workbench/report/"),  # nothing but its folder
     ],
