@@ -70,9 +70,7 @@ def both_sides_of(placed: Placed) -> BothSides | None:
     own, cells = depth.relief, placed.cells[d].mask
     probability, parallax = placed.cells[1 - d].probability, light.parallax
     nowhere = np.full(grid.shape, np.nan, np.float32)
-    rows_mm = np.sort(of_depth.where.z_to_a(of_depth.grid.z_mm))
-    place = np.clip(np.searchsorted(rows_mm, grid.z_mm), 1, max(rows_mm.size - 1, 1))
-    either = np.abs(grid.z_mm - rows_mm[place - 1]), np.abs(grid.z_mm - rows_mm[min(1, rows_mm.size - 1) and place])
+    rows_mm = of_depth.where.z_to_a(of_depth.grid.z_mm)
     return BothSides(
         grid=grid,
         depth_side=d,
@@ -84,7 +82,7 @@ def both_sides_of(placed: Placed) -> BothSides | None:
         relief_in_cells_mm=down.known(own.values, own.valid & cells, at_least=LEAST_OF_ROWS),
         parallax_mm=nowhere if parallax is None else beside.known(parallax.relief_mm, parallax.known),
         parallax_error_mm=nowhere if parallax is None else beside.known(parallax.error_mm, parallax.known),
-        from_row_mm=np.minimum(*either),
+        from_row_mm=np.abs(grid.z_mm[:, np.newaxis] - rows_mm).min(axis=1),
     )
 
 
