@@ -118,6 +118,20 @@ def test_depth_is_taken_by_parallax_where_none_was_measured() -> None:
     assert (wall.error_mm[wall.cells & np.isfinite(wall.relief_mm)] >= 0.005).all()
 
 
+def test_probabilities_bound_cells_at_a_half_and_errors_are_lengths(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = disc(2.5, 3.0, 0.4)
+
+    def answered(network: str, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        odds = np.full((1, features.shape[1]), np.log(0.6 / 0.4), np.float32)  # a cell, by six to four
+        return odds if network == "cell" else np.vstack([0 * odds + 0.1, 0 * odds + np.log(0.05)]).astype(np.float32)
+
+    monkeypatch.setattr("endoct.fusion.wall.wall.answers", answered)
+    wall = wall_from(sides(cell, cell))
+    assert (wall.cells >= cell).all()
+    assert np.median(wall.relief_mm[cell]) == pytest.approx(0.4, abs=0.01)  # 0.1 mm beyond what was measured
+    assert wall.error_mm[cell] == pytest.approx(1.2 * 0.05, rel=1e-5)
+
+
 def test_features_are_those_that_the_networks_were_trained_on() -> None:
     cell, other = disc(2.5, 3.0, 0.4), disc(2.5, 3.0, 0.2)
     made = sides(cell, other)
@@ -143,6 +157,7 @@ def test_a_sample_is_answered_alike_among_many() -> None:
     features = rng.normal(0, 0.3, (6, 70_000)).astype(np.float32)
     together = answers("cell", features)
     assert together.shape == (1, 70_000)
+    assert together.min() < 0 < together.max()
     assert answers("cell", features[:, 65_530:65_540]) == pytest.approx(together[:, 65_530:65_540], abs=1e-4)
     assert answers("depth", np.zeros((7, 3), np.float32)).shape == (2, 3)
 
@@ -167,6 +182,8 @@ def test_cells_have_area_volume_and_errors(tmp_path: Path) -> None:
     assert found.volume_error_mm3 == pytest.approx(0.02 * area_mm2, rel=0.02)
     unsure = replace(wall, probability=np.where(disc(2.5, 0.0, 0.2), 0.9, 0.6).astype(np.float32))
     assert cells_of(unsure)[0].area_error_mm2 == pytest.approx(0.75 * area_mm2, rel=0.04)
+    wide_mm2 = 0.75 * area_mm2
+    assert cells_of(unsure)[0].volume_error_mm3 == pytest.approx(np.hypot(0.02 * area_mm2, 0.3 * wide_mm2), rel=0.04)
     write_wall_cells([found, replace(found, id=2, mean_depth_mm=float("nan"))], tmp_path / "cells.csv")
     rows = list(csv.DictReader((tmp_path / "cells.csv").read_text("utf-8").splitlines()))
     assert [row["id"] for row in rows] == ["1", "2"]
@@ -216,6 +233,7 @@ def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) 
     placed = place_sides(*two_sides(pair.a, pair.b), parameters)
     assert both_sides_of(placed) is not None
     assert join(replace(placed, outcome=replace(placed.outcome, alignment=None))) is None
-    assert join(place_sides(*two_sides(pair.a, pair.a), parameters)) is None
+    for alone in (pair.a, pair.b):
+        assert join(place_sides(*two_sides(alone, alone), parameters)) is None
     drawn = DrawnMask(pair.b.grid, placed.cells[1].mask, "me", "1", pair.b)
     assert join(place_sides(*two_sides(drawn, pair.b), parameters)) is None
