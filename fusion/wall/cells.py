@@ -54,10 +54,10 @@ class WallCell:
 def cells_of(wall: Wall) -> tuple[WallCell, ...]:
     """Return the cells of ``wall``, in the order of their z."""
     labels, sample_mm2 = label_in_order(wall.cells), wall.grid.dz_mm * wall.grid.dtheta_mm
-    order = np.argsort(labels, axis=None, kind="stable")
-    numbers = labels.ravel()[order]
-    parts = np.split(order, np.flatnonzero(np.diff(numbers)) + 1)
-    return tuple(_cell(wall, int(labels.flat[part[0]]), part, sample_mm2) for part in parts if labels.flat[part[0]])
+    inside = np.flatnonzero(labels)
+    inside = inside[np.argsort(labels.flat[inside], kind="stable")]
+    parts = np.split(inside, np.flatnonzero(np.diff(labels.flat[inside])) + 1)
+    return tuple(_cell(wall, number, part, sample_mm2) for number, part in enumerate(parts, 1) if part.size)
 
 
 def _cell(wall: Wall, number: int, part: NDArray[np.intp], sample_mm2: float) -> WallCell:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from endoct.base.compute.memory import give_back
-from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import place_sides, score_placed
@@ -111,7 +110,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         placed = place_sides(*sides, given.parameters, () if landmarks is None else landmarks.pairs)
         if folder is not None:
             folder.draw(placed)
-        comparison, joined = at_once(lambda: score_placed(placed, given.parameters), lambda: join(placed))
+        comparison = score_placed(placed, given.parameters)
+        joined = join(placed)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
