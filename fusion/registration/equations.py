@@ -140,15 +140,11 @@ def waves(theta_rad: Coordinates) -> Coordinates:
 
 def equations(of: Level, fit: Bending) -> Equations | None:
     """Return the equations of a step from ``fit``; None where the two hardly overlap or one is constant there."""
-    overlap = _overlap(of, fit)
-    if overlap is None or overlap.count < FEWEST_SAMPLES:
-        return None
-    fitted = _tone(overlap, of.degree)
+    fitted = _fitted_tone(of, fit)
     if fitted is None:
         return None
-    tone, correlation = fitted
-    residuals = _residuals(overlap, tone, of)
-    residual = residuals.values
+    residuals, correlation = fitted
+    overlap, residual = residuals.overlap, residuals.values
     n_bends = fit.bends.size
     k = MOVES + n_bends + of.degree + 1
     normal, slope, cost = np.zeros((k, k)), np.zeros(k), 0.0
@@ -193,13 +189,10 @@ def row_equations(of: Level, alignment: Alignment, size: float | None = None) ->
     ``size`` is how large residuals typically are; without it, it is taken from them.
     """
     fit = Bending(alignment, np.zeros(1 + 2 * WAVES))
-    overlap = _overlap(of, fit)
-    if overlap is None or overlap.count < FEWEST_SAMPLES:
-        return None
-    fitted = _tone(overlap, of.degree)
+    fitted = _fitted_tone(of, fit, size)
     if fitted is None:
         return None
-    residuals = _residuals(overlap, fitted[0], of, size)
+    residuals, overlap = fitted[0], fitted[0].overlap
     n = overlap.rows.size
     starts = patches_around(of.coarse)
     n_around = starts.size
@@ -226,13 +219,21 @@ def _starts(n_theta: int, radius_mm: float) -> NDArray[np.intp]:
     return np.asarray(-(-np.arange(n_around) * n_theta // n_around), dtype=np.intp)
 
 
-def _residuals(overlap: _Overlap, tone: Coordinates, of: Level, size: float | None = None) -> _Residuals:
+def _fitted_tone(of: Level, fit: Bending, size: float | None = None) -> tuple[_Residuals, float] | None:
+    """Return what the tone curve from the fine side to the coarse leaves, and their correlation; None without one."""
+    overlap = _overlap(of, fit)
+    if overlap is None or overlap.count < FEWEST_SAMPLES:
+        return None
+    fitted = _tone(overlap, of.degree)
+    if fitted is None:
+        return None
+    tone, correlation = fitted
     rising = tone[1:] * np.arange(1, of.degree + 1) / of.spread
     residual = np.empty_like(overlap.value)
     for rows in overlap.blocks():
         residual[rows] = overlap.target[rows] - _polynomial(overlap.value[rows], tone)
     size = size or robust_sigma(residual if overlap.use is None else residual[overlap.use]) + 1e-6
-    return _Residuals(overlap, residual, rising, size)
+    return _Residuals(overlap, residual, rising, size), correlation
 
 
 def _overlap(of: Level, fit: Bending) -> _Overlap | None:

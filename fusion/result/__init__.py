@@ -23,6 +23,7 @@ from endoct.fusion.result.scores import (
     ByLi,
     CellScores,
     Consensus,
+    Contradiction,
     DrawnBy,
     Drift,
     Interval,
@@ -44,8 +45,8 @@ from endoct.fusion.result.scores import (
     Scores,
     Strata,
     Stratum,
+    WallSummary,
 )
-from endoct.fusion.result.wall import Contradiction, WallSummary
 
 __all__ = [
     "Believable",

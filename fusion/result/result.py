@@ -25,8 +25,8 @@ from endoct.fusion.result.scores import (
     Part,
     Raters,
     Texts,
+    WallSummary,
 )
-from endoct.fusion.result.wall import WallSummary
 
 _Row = Annotated[tuple[Number, Number, Number], Field(strict=False)]
 _Matrix = Annotated[tuple[_Row, _Row, _Row], Field(strict=False)]

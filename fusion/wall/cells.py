@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
-from endoct.base.numeric.regions import label, label_in_order
+from endoct.base.numeric.regions import Labels, label, label_in_order
 from endoct.fusion.result import Contradiction, WallSummary
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import BothSides, both_sides_of
@@ -54,10 +54,14 @@ class WallCell:
 def cells_of(wall: Wall) -> tuple[WallCell, ...]:
     """Return the cells of ``wall``, in the order of their z."""
     labels, sample_mm2 = label_in_order(wall.cells), wall.grid.dz_mm * wall.grid.dtheta_mm
+    return tuple(_cell(wall, number, part, sample_mm2) for number, part in enumerate(_parts(labels), 1))
+
+
+def _parts(labels: Labels) -> list[NDArray[np.intp]]:
+    """Return the flat indices of the samples of each label 1 … n."""
     inside = np.flatnonzero(labels)
     inside = inside[np.argsort(labels.flat[inside], kind="stable")]
-    parts = np.split(inside, np.flatnonzero(np.diff(labels.flat[inside])) + 1)
-    return tuple(_cell(wall, number, part, sample_mm2) for number, part in enumerate(parts, 1) if part.size)
+    return np.split(inside, np.flatnonzero(np.diff(labels.flat[inside])) + 1) if inside.size else []
 
 
 def _cell(wall: Wall, number: int, part: NDArray[np.intp], sample_mm2: float) -> WallCell:
@@ -116,14 +120,10 @@ def _denied(
     sides: BothSides, cells: Mask, other: Mask, on_rows: Mask, name: str, *, by_light: bool
 ) -> Iterator[Contradiction]:
     """Yield which of ``cells``, those of the side with light or the other one's, the other side surely denies."""
-    labels, n = label(cells)
     sample_mm2 = sides.grid.dz_mm * sides.grid.dtheta_mm
-    covered = np.bincount(labels[cells], weights=other[cells], minlength=n + 1)
-    sizes = np.bincount(labels[cells], minlength=n + 1)
-    for k in np.flatnonzero((sizes * sample_mm2 >= LEAST_MM2) & (covered <= MOST_COVERED * sizes)):
-        if k == 0:
+    for part in _parts(label(cells)[0]):
+        if part.size * sample_mm2 < LEAST_MM2 or other.flat[part].mean() > MOST_COVERED:
             continue
-        part = np.flatnonzero(labels == k)
         measured = part[on_rows.flat[part]]
         if measured.size < LEAST_ON_ROWS:
             continue

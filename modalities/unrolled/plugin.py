@@ -15,8 +15,7 @@ from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream, Modality, Picture, Sniff
 from endoct.modalities.unrolled.image_stream import MOST_STEP, UnrolledImage, open_image, sniff_image, step_over_seam
 from endoct.modalities.unrolled.manifest import UnrolledAcquisition
-from endoct.modalities.unrolled.parameters import UnrolledParameters
-from endoct.modalities.unrolled.sines import Sines, about_axis, fit_sines
+from endoct.modalities.unrolled.sines import Sines, UnrolledParameters, about_axis, fit_sines
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip

@@ -10,18 +10,33 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.base.numeric.sine import Sine, ransac_sine
-from endoct.modalities.unrolled.parameters import UnrolledParameters
 from endoct.stitching.grid import SurfaceGrid
 
 LEAST_BEAMS = 16
 MOST_TOLERANCE = 0.05
 """Beams farther from the sine than this part of the radius are not the wall's, however noisy."""
 CLOSED = Sine(0.0, 1.0, 0.0, 0.0)
+
+
+class UnrolledParameters(BaseModel):
+    """How an unrolled image is processed: only depth that is not centred needs any of it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    tolerance_sigmas: float = Field(
+        default=4.0, gt=0, le=100, description="beams within so many times the noise from beam to beam are the wall's"
+    )
+    least_inlier_fraction: float = Field(
+        default=0.3, gt=0, le=1, description="a turn is bridged unless this part of its beams is the wall's"
+    )
+    ransac_trials: int = Field(default=500, ge=1, le=100_000, description="trials of the sine of a turn")
+    seed: int = Field(default=0, ge=0, le=2**32, description="seed of these trials")
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,7 +65,6 @@ class StudyPage {
   /** Results are there at once; recordings, as they are found. */
   private async showAll(): Promise<void> {
     await Promise.all([this.showResults(), this.follow()]);
-    this.showInputs(); // which pairs are compared is known by now
   }
 
   private async follow(): Promise<void> {
