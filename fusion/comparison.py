@@ -25,6 +25,7 @@ from endoct.fusion.doubts import (
     doubts_of_step,
     scale_at_limit,
 )
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, SearchOutcome
@@ -37,11 +38,12 @@ from endoct.fusion.registration.align import (
     LIKELY_CHANCE,
     align_by_method,
     align_sides,
+    find_sides,
     fit_stretched,
-    largest_cell_share,
     orientations_of,
 )
 from endoct.fusion.registration.by_hand import KnownBore, align_by_hand
+from endoct.fusion.registration.instruments import largest_cell_share
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.steps import step_along
 from endoct.fusion.registration.twist import Twist, find_twist, untwisted
@@ -56,7 +58,7 @@ from endoct.fusion.result import (
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.segmentation.by_eye import check_eye
 from endoct.fusion.segmentation.segment import Segmentation
-from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
+from endoct.fusion.segmentation.side_cells import doubts_of_side, evidence_of, segment_sides
 from endoct.fusion.sides import Comparison, Placed, place
 from endoct.stitching.panorama import Panorama
 
@@ -115,19 +117,29 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         )
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     there = a.in_reference, b.in_reference
-    outcome = align_sides(*there, z_scale_range=z_scale_range, force=parameters.force).scaled(a.scale)
-    if parameters.correct_twist and outcome.alignment:
-        outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
-    doubts: tuple[Doubt, ...] = ()
-    if (name := parameters.alignment_method) != OURS:
-        ours, outcome = outcome, align_by_method(*there, name).scaled(a.scale)
-        doubts = tuple(doubts_by_method(outcome.alignment, ours.alignment, name, a, b) if outcome.alignment else ())
-    by_hand: ByHand | None = None
-    if pairs:
+    found = find_sides(*there, z_scale_range=z_scale_range)
+
+    def laid(seen: tuple[Evidence, Evidence] | None) -> tuple[SearchOutcome, ByHand | None, tuple[Doubt, ...]]:
+        outcome = align_sides(
+            *there, z_scale_range=z_scale_range, force=parameters.force, found=found, seen=seen
+        ).scaled(a.scale)
+        if parameters.correct_twist and outcome.alignment:
+            outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
+        doubts: tuple[Doubt, ...] = ()
+        if (name := parameters.alignment_method) != OURS:
+            ours, outcome = outcome, align_by_method(*there, name).scaled(a.scale)
+            doubts = tuple(doubts_by_method(outcome.alignment, ours.alignment, name, a, b) if outcome.alignment else ())
+        if not pairs:
+            return outcome, None, doubts
         bore = KnownBore(a.grid.radius_mm, orientations_of(a.panorama, b.panorama), z_scale_range)
         judged = align_by_hand(a, b, outcome, pairs, bore)
-        outcome, by_hand = judged.outcome, judged.said
-    cells = segment_sides(a, b, outcome.alignment, parameters, parameters.polarity)
+        return judged.outcome, judged.said, doubts
+
+    # whether cells are dark or bright shows where the two roughly lie, unless somebody else says where that is
+    alone = not pairs and parameters.alignment_method == OURS
+    roughly = (found.place or (found.best if parameters.force else None)) if alone else laid(None)[0].alignment
+    cells = segment_sides(a, b, roughly, parameters, parameters.polarity)
+    outcome, by_hand, doubts = laid((evidence_of(a, cells[0]), evidence_of(b, cells[1])))
     placed = _on_one_grid((a, b), cells, outcome, parameters)
     return replace(placed, by_hand=by_hand, doubts=doubts, notes={b.name: note} if note else {})
 
@@ -174,7 +186,7 @@ def _held_together(
 ) -> tuple[tuple[Doubt, ...], Mapping[str, object]]:
     """Return what speaks against one rigid place, and the overlaps besides that on the common grid, by key."""
     (a, b), scale = placed.both, placed.both[0].scale
-    of_a, of_b = a.in_reference.evidence, b.in_reference.evidence
+    of_a, of_b = evidence_of(a, placed.cells[0]), evidence_of(b, placed.cells[1])
     there = alignment.scaled(1 / scale)
     bent = tuple(doubts_of_parts(parts_out_of_place(of_a, of_b, there), b.name, scale))
     if not bent and alignment.bend is None:

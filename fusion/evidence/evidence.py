@@ -19,11 +19,17 @@ from endoct.fusion.evidence.relief import WALL_QUANTILE, relief, trust_in
 from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 from endoct.stitching.panorama import Panorama
 
-Kind = Literal["relief", "darkness", "brightness", "mask"]
+Kind = Literal["relief", "darkness", "brightness", "probability", "mask"]
 Polarity = Literal["dark", "bright"]
 
-CLIP = {"relief": (0.0, 0.15), "darkness": (-0.5, 1.0), "brightness": (-0.5, 1.0), "mask": (0.0, 1.0)}
-"""Beyond these bounds evidence of a kind says no more; relief is in mm."""
+CLIP = {
+    "relief": (0.0, 0.15),
+    "darkness": (-0.5, 1.0),
+    "brightness": (-0.5, 1.0),
+    "probability": (0.0, 1.0),
+    "mask": (0.0, 1.0),
+}
+"""Beyond these bounds evidence of a kind says no more; relief is in mm, a probability that of a cell."""
 LIGHT_AROUND_MM = 1.2
 LIGHT_ROUNDS = ((6.0, 1.0), (6.0, 0.6), (4.0, 0.4), (3.0, 0.3), (2.0, 0.2), (1.5, 0.15), (1.2, 0.15))
 """Rounds of the fit of the light: σ in mm along z over which it is smoothed, and how far behind it samples count.
@@ -65,7 +71,7 @@ class Evidence:
     @property
     def knows_cells(self) -> bool:
         """Whether the values say by themselves what is a cell."""
-        return self.kind in ("relief", "mask")
+        return self.kind in ("relief", "probability", "mask")
 
     @property
     def column_mm(self) -> float:

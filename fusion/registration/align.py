@@ -22,14 +22,12 @@ recordings equally long along the bore.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates
 from endoct.base.entry_points import answer_by
 from endoct.base.errors import EndoctError
-from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import Evidence, brightness, clipped, correlation
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import (
@@ -42,6 +40,7 @@ from endoct.fusion.geometry.alignment import (
 )
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.fusion.registration.bending import find_bend
+from endoct.fusion.registration.instruments import corrected_for_instruments
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import rims, search
@@ -57,34 +56,12 @@ LIKELY_CHANCE = 1e-4
 
 Tuning specimens (benchmarks/confidence.py) say how the two part. 120 wrong and 32 featureless pairs had a confidence of
 0.145 at most and a chance of 6e-4 at least. 23 of 24 true ones had 0.225 at least and 2e-5 at most."""
-LEFT_BY_INSTRUMENTS = 0.002, 0.009, 0.002
-"""How far depth and light of one wall still lie apart after perfect alignment: rad, mm, and a share of the scale of z.
-Rotation and feed are known no better, and residuals do not show it."""
-LEFT_BY_CELL = 0.02, 0.01
-"""How far one cell's middle lies apart in depth and in light, around the bore or along it: mm, and a share of its
-width. Its floor slopes, its lining is bright, and its rim is not where either sees it. Residuals do not show that."""
-FEW_CELLS = 4.0
-"""With so many cells that decide, all of that is √2 times as much: few do not make up for each other's faults."""
-ALIKE = 0.8
-"""The correlation of depth and light at which that holds. What is left grows as its square falls."""
-LEAST_ALIKE = 0.2
-"""A correlation below this counts as this.
-
-All of these were set by simulated specimens: `quick`, `mastoid` 100–119, `hard` 100–115, `small-patient` 100–111. Pairs
-of a second generator, which shares nothing with them, had a say too. In benchmarks/independent they are few 0–23, sound
-0–39, sparse, specks 0–19, tiny, mirrors 0–11, many 0–7."""
 CLEAR_RATIO, RARE_CHANCE = 1.4, 1e-5
 """A place found by rims is believed with less confidence where it beats the next best, and chance, by these.
 
 The search by rims put all of 52 pairs in place, of which that by cells declined six (seeds 9300-9309 of quick, hard,
 mastoid, and few, floors, sound, tiny of benchmarks/independent). Of 900 wrong pairs of these it put none where chance
 would less often than 3e-4, and none above a ratio of 1.44 where chance would less often than 0.03."""
-UNKNOWN_SLANT = 0.3
-"""Standard deviation of the slant of an unknown view: cone mirrors of 36° to 54° have −0.4 to 0.9."""
-LEAST_CELL_MM2 = 0.01
-LEAST_SPREAD_MM = 0.5
-CELL_MM = 0.04
-"""A sample with more relief counts as cell when the depth of cells is averaged."""
 
 
 class Known(Protocol):
@@ -121,23 +98,72 @@ def believable(alignment: Alignment) -> bool:
     return alignment.confidence >= BELIEVABLE and alignment.chance <= LIKELY_CHANCE
 
 
-def align_sides(
-    a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05), force: bool = False
-) -> SearchOutcome:
-    """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
+@dataclass(frozen=True)
+class Found:
+    """Where a search puts B: the ``place`` that is believed, if any, what it was found by, and the ``best`` of all."""
+
+    place: Alignment | None
+    best: Alignment | None = None
+    by: Literal["evidence", "rims", "drawing"] = "evidence"
+
+
+def find_sides(a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05)) -> Found:
+    """Return where ``b`` lies on ``a``, as far as a search tells, in every orientation that the two leave open.
 
     A mask drawn on the samples of the other side lies there, without a search.
     """
     if a.is_drawn_on(b) or b.is_drawn_on(a):
         exact = as_covariance(np.zeros((3, 3)))
         alike = correlation(a.evidence, b.evidence)
-        return SearchOutcome(replace(IN_PLACE, confidence=1.0, correlation=alike, covariance=exact))
+        return Found(replace(IN_PLACE, confidence=1.0, correlation=alike, covariance=exact), by="drawing")
+    return find_place(a.evidence, b.evidence, orientations_of(a.panorama, b.panorama), z_scale_range)
+
+
+def align_sides(
+    a: Side,
+    b: Side,
+    *,
+    z_scale_range: tuple[float, float] = (0.95, 1.05),
+    force: bool = False,
+    found: Found | None = None,
+    seen: tuple[Evidence, Evidence] | None = None,
+) -> SearchOutcome:
+    """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
+
+    ``found``: by :func:`find_sides`, where that was asked before. ``seen``: evidence on the samples of either side that
+    tells more than its own, as the probability of a cell by a learned eye. It refines a place, and finds one where the
+    sides' own did not. It is for dark cells, and not used where the two sides say that they are bright.
+    """
+    found = found or find_sides(a, b, z_scale_range=z_scale_range)
+    if found.by == "drawing":
+        return SearchOutcome(found.place)
     orientations = orientations_of(a.panorama, b.panorama)
+    evidence = a.evidence, b.evidence
+    of_dark = found.place is None or found.place.correlation > 0
+    if seen is not None and of_dark and "probability" in (seen[0].kind, seen[1].kind):
+        evidence = seen
+        if found.place is None or found.by == "rims":
+            by_seen = find_place(*seen, orientations, z_scale_range)
+            found = by_seen if by_seen.place or not found.place else found
     outcome = SearchOutcome.of(
-        align(a.evidence, b.evidence, orientations=orientations, z_scale_range=z_scale_range, force=force)
+        align(*evidence, orientations=orientations, z_scale_range=z_scale_range, force=force, found=found)
     )
-    farther = outcome.best and fit_stretched(a.evidence, b.evidence, orientations, z_scale_range)
+    farther = outcome.best and fit_stretched(*evidence, orientations, z_scale_range)
     return replace(outcome, reason=outcome.reason + _if_stretched(a, b, farther)) if farther else outcome
+
+
+def find_place(
+    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
+) -> Found:
+    """Return where ``b`` lies on ``a`` by a search of the evidence; where that is not believed, by rims of cells."""
+    of_a, of_b = clipped(a), clipped(b)
+    best = search(of_a, of_b, orientations, z_scale_range)
+    if best is None or believable(best):
+        return Found(best, best)
+    by_rims = search(rims(of_a), rims(of_b), orientations, z_scale_range)
+    if by_rims and (believable(by_rims) or (by_rims.ratio >= CLEAR_RATIO and by_rims.chance <= RARE_CHANCE)):
+        return Found(by_rims, best, "rims")
+    return Found(None, best)
 
 
 def align(
@@ -147,49 +173,40 @@ def align(
     orientations: tuple[Orientation, ...] = ALL_ORIENTATIONS,
     z_scale_range: tuple[float, float] = (0.95, 1.05),
     force: bool = False,
+    found: Found | None = None,
 ) -> Alignment | NotAligned:
     """Return where ``b`` lies on ``a``, to a fraction of a sample, or why that cannot be said.
 
-    ``force`` believes the best place however little it stands out.
+    ``force`` believes the best place however little it stands out. ``found``: where it is known already, roughly.
     """
-    of_a, of_b = clipped(a), clipped(b)
-    best = search(of_a, of_b, orientations, z_scale_range)
+    found = found or find_place(a, b, orientations, z_scale_range)
+    best = found.best
+    place = found.place or (best if force else None)
+    refined = place and _refined(place, a, b, z_scale_range, by_rims=found.by == "rims")
+    if refined:
+        return corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
     if best is None:
         return NotAligned("The two sides share no structure: at least one shows no cells.")
-    by_rims = None if believable(best) else _by_rims(of_a, of_b, orientations, z_scale_range)
-    if not (force or by_rims or believable(best)):
-        reason = (
-            f"No place of one side on the other stands out: the best correlates at {abs(best.correlation):.2f}, its "
-            f"score is {best.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
-            f"{best.chance:.1g}."
-        )
-        return NotAligned(reason + _if_turned(of_a, of_b, orientations, z_scale_range), best)
-    if by_rims:
-        refined = by_rims
-    elif best.correlation < 0 and "darkness" in (a.kind, b.kind):
-        # bright cells: clipping has cut away just what distinguishes them from the wall
-        a, b = (a, brightness(b)) if b.kind == "darkness" else (brightness(a), b)
-        refined = refine(clipped(a), clipped(b), best, z_scale_range)
-        refined = replace(refined, correlation=-refined.correlation)
-    else:
-        refined = refine(of_a, of_b, best, z_scale_range)
-    if believable(best):
-        refined = replace(refined, bend=find_bend(clipped(a), clipped(b), refined))
-    return _corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
+    reason = (
+        f"No place of one side on the other stands out: the best correlates at {abs(best.correlation):.2f}, its "
+        f"score is {best.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
+        f"{best.chance:.1g}."
+    )
+    return NotAligned(reason + _if_turned(clipped(a), clipped(b), orientations, z_scale_range), best)
 
 
-def _by_rims(
-    a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
+def _refined(
+    place: Alignment, a: Evidence, b: Evidence, z_scale_range: tuple[float, float], *, by_rims: bool
 ) -> Alignment | None:
-    """Return where rims of cells lie on each other, refined, with how well the evidence itself correlates there.
-
-    None where that does not stand out.
-    """
-    of_a, of_b = rims(a), rims(b)
-    best = search(of_a, of_b, orientations, z_scale_range)
-    if best is None or not (believable(best) or (best.ratio >= CLEAR_RATIO and best.chance <= RARE_CHANCE)):
-        return None
-    return with_evidence(refine(of_a, of_b, best, z_scale_range), a, b)
+    """Return ``place`` to a fraction of a sample, and how it bends; None where rims align what shares no wall."""
+    if by_rims and "probability" not in (a.kind, b.kind):
+        return with_evidence(refine(rims(clipped(a)), rims(clipped(b)), place, z_scale_range), a, b)
+    turned = place.correlation < 0 and "darkness" in (a.kind, b.kind)
+    if turned:  # bright cells: clipping has cut away just what distinguishes them from the wall
+        a, b = (a, brightness(b)) if b.kind == "darkness" else (brightness(a), b)
+    refined = refine(clipped(a), clipped(b), place, z_scale_range)
+    refined = replace(refined, correlation=-refined.correlation) if turned else refined
+    return replace(refined, bend=find_bend(clipped(a), clipped(b), refined)) if believable(place) else refined
 
 
 def fit_stretched(
@@ -216,83 +233,6 @@ def stretched(
         return None
     refined = refine(a, b, best, farthest)
     return None if searched[0] < refined.z_scale < searched[1] else refined
-
-
-def _corrected_for_instruments(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment:
-    """Correct ``alignment`` for the offset that depth and light always have, and widen its covariance by the rest.
-
-    Rays that meet the wall at a slant see a cell's near rim where it is. Before its far rim they see the wall below
-    that rim. So the cell's dark part ends early, by what the slant makes of the depth that still counts. Its middle
-    lies half of that too near. The scale errs about B's middle.
-    """
-    light, relief = (b, a) if a.kind == "relief" else (a, b)
-    slant = light.slant if light.kind == "darkness" else None
-    half_depth_mm = 0.5 * _depth_mm(relief)
-    lag_mm = (slant or 0.0) * half_depth_mm
-    unknown_mm = UNKNOWN_SLANT * half_depth_mm if slant is None else 0.0
-    direction = -1.0 if alignment.z_reversed else 1.0
-    shift_mm = lag_mm if light is a else -direction * alignment.z_scale * lag_mm
-    alignment = replace(alignment, z_shift_mm=alignment.z_shift_mm + shift_mm)
-    if alignment.covariance is None:
-        return alignment
-    turn_rad, along_mm, of_scale = LEFT_BY_INSTRUMENTS
-    middle_mm = direction * float(b.z_mm[[0, -1]].mean())
-    by_instruments = _covariance_about(middle_mm, turn_rad, float(np.hypot(along_mm, unknown_mm)), of_scale)
-    by_cells = _left_by_cells(relief, alignment, of_b=relief is b, unknown_mm=unknown_mm)
-    return replace(alignment, covariance=as_covariance(np.array(alignment.covariance) + by_instruments + by_cells))
-
-
-def _covariance_about(middle_mm: float, turn_rad: float, along_mm: float, of_scale: float) -> Coordinates:
-    """Return the covariance of (turn, shift, scale), float64 (3, 3), from independent errors of turn, place and scale.
-
-    ``along_mm`` is the error of the place of ``middle_mm``, on B's z as the alignment's scale multiplies it.
-    """
-    to_origin = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -middle_mm], [0.0, 0.0, 1.0]]) * (turn_rad, along_mm, of_scale)
-    return np.asarray(to_origin @ to_origin.T)
-
-
-def _left_by_cells(relief: Evidence, alignment: Alignment, *, of_b: bool, unknown_mm: float) -> Coordinates:
-    """Return what :data:`LEFT_BY_CELL` of all cells together adds to the covariance, float64 (3, 3).
-
-    Cells tell where the wall lies where they are; farther along the bore it follows from the scale. ``unknown_mm`` is
-    what in addition separates depth and light of each cell along the bore. Cells differ in depth by about as much as
-    they are deep, and so in what an unknown slant makes of them.
-    """
-    labels, n = label(relief.valid & (relief.values > CELL_MM))
-    count = np.bincount(labels.ravel(), minlength=n + 1)[1:]
-    width_mm = np.sqrt(count * relief.dz_mm * relief.column_mm)
-    rims = np.where(width_mm**2 > LEAST_CELL_MM2, width_mm, 0)  # a cell counts by the length of its rim
-    if not rims.any():
-        return np.zeros((3, 3))
-    rows = np.repeat(relief.z_mm[:, np.newaxis], labels.shape[1], axis=1)
-    z_mm = np.bincount(labels.ravel(), rows.ravel(), n + 1)[1:] / count
-    # on B's z as the scale multiplies it
-    z_mm = z_mm * (-1.0 if alignment.z_reversed else 1.0) if of_b else (z_mm - alignment.z_shift_mm) / alignment.z_scale
-    middle_mm = float(np.average(z_mm, weights=rims))
-    spread_mm = max(float(np.sqrt(np.average((z_mm - middle_mm) ** 2, weights=rims))), LEAST_SPREAD_MM)
-    shares = rims / rims.sum()
-    off_mm, of_width = LEFT_BY_CELL
-    few = float(np.sqrt(1 + FEW_CELLS * (shares**2).sum()))
-    unlike = (ALIKE / max(abs(alignment.correlation), LEAST_ALIKE)) ** 2
-    around_mm = few * unlike * float(np.linalg.norm(shares * np.hypot(off_mm, of_width * width_mm)))
-    along_mm = float(np.hypot(around_mm, np.linalg.norm(shares * unknown_mm)))
-    return _covariance_about(middle_mm, around_mm / relief.radius_mm, along_mm, along_mm / spread_mm)
-
-
-def largest_cell_share(evidence: Evidence) -> float:
-    """Return the largest cell's share of the area of all cells that a side's relief shows; 0 without any."""
-    if evidence.kind != "relief":
-        return 0.0
-    labels, n = label(evidence.valid & (evidence.values > CELL_MM))
-    area = np.bincount(labels.ravel(), minlength=n + 1)[1:]
-    return float(area.max() / area.sum()) if n else 0.0
-
-
-def _depth_mm(relief: Evidence) -> float:
-    """Return how deep cells are on average, up to where more depth says no more."""
-    depth_mm = clipped(relief).values[relief.valid]
-    cells = depth_mm[depth_mm > CELL_MM]
-    return float(cells.mean()) if cells.size else 0.0
 
 
 @dataclass(frozen=True)

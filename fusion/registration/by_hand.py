@@ -32,7 +32,8 @@ from endoct.fusion.geometry.alignment import (
     of_role,
     residuals_mm,
 )
-from endoct.fusion.registration.align import FARTHEST, LEFT_BY_INSTRUMENTS, with_evidence
+from endoct.fusion.registration.align import FARTHEST, with_evidence
+from endoct.fusion.registration.instruments import LEFT_BY_INSTRUMENTS
 from endoct.fusion.result import ByHand, Distances, Moved, PairDistance, PlacedPair, StoredAlignment, StoredPlace
 
 FEWEST = 2

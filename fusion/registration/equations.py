@@ -156,8 +156,8 @@ def equations(of: Level, fit: Bending) -> Equations | None:
         flat = effects.reshape(k, -1)
         normal += flat @ flat.T
         cost += float(np.vdot(pulls, residual[rows]))
-    # BEND_RAD as a prior, against residuals of which all within one blur count as one
-    one_px = 4 * np.pi * of.sigma_mm**2 / (of.coarse.dz_mm * of.coarse.column_mm)
+    # BEND_RAD as a prior, against residuals of which all within one patch count as one
+    one_px = PATCH_MM**2 / (of.coarse.dz_mm * of.coarse.column_mm)
     half_mm = max(float(np.ptp(overlap.from_middle_mm)) / 2, 1e-3)
     typical = BEND_RAD * np.r_[1 / half_mm, np.ones(n_bends - 1)]
     stiffness = max(1.0, one_px) * cost / overlap.count / typical**2

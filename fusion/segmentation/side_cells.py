@@ -82,6 +82,14 @@ def segment(
     return segment_side(side, parameters or SegmentParameters(), polarity).mask
 
 
+def evidence_of(side: Side, cells: Segmentation) -> Evidence:
+    """Return what tells most of where cells lie on ``side``: how probable the learned eye holds them, else its own."""
+    own = side.in_reference.evidence
+    if own.kind != "darkness" or cells.probability is None:
+        return own
+    return replace(own, values=cells.probability, kind="probability")
+
+
 def contrast_of(side: Side, cells: Segmentation) -> Evidence | None:
     """Return the evidence by which ``cells`` were separated from the wall, where that is the intensity."""
     return None if cells.polarity is None else side.in_reference.contrast(cells.polarity)

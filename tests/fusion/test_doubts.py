@@ -23,7 +23,8 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import largest_cell_share, remedies
+from endoct.fusion.registration.align import remedies
+from endoct.fusion.registration.instruments import largest_cell_share
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores
 from endoct.stitching.grid import SurfaceGrid

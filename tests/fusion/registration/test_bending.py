@@ -99,7 +99,7 @@ def test_an_alignment_bends_only_once_it_is_believed(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("endoct.fusion.registration.align.find_bend", bend)
     # instruments are corrected for afterwards: that moves all of the wall alike
-    corrected = "endoct.fusion.registration.align._corrected_for_instruments"
+    corrected = "endoct.fusion.registration.align.corrected_for_instruments"
     monkeypatch.setattr(corrected, lambda found, *_: replace(found, z_shift_mm=found.z_shift_mm + 1))
     believed = align(prepare(pair.a), prepare(pair.b))
     assert isinstance(believed, Alignment)
