@@ -131,20 +131,20 @@ def align_sides(
     """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
 
     ``found``: by :func:`find_sides`, where that was asked before. ``seen``: evidence on the samples of either side that
-    tells more than its own, as the probability of a cell by a learned eye. It refines a place, and finds one where the
-    sides' own did not. It is for dark cells, and not used where the two sides say that they are bright.
+    tells more than its own, as the probability of a cell by a learned eye. It is searched where the sides' own does not
+    tell, and refines a place at which it agrees better than their own.
     """
     found = found or find_sides(a, b, z_scale_range=z_scale_range)
     if found.by == "drawing":
         return SearchOutcome(found.place)
     orientations = orientations_of(a.panorama, b.panorama)
-    evidence = a.evidence, b.evidence
-    of_dark = found.place is None or found.place.correlation > 0
-    if seen is not None and of_dark and "probability" in (seen[0].kind, seen[1].kind):
-        evidence = seen
-        if found.place is None or found.by == "rims":
+    own = evidence = a.evidence, b.evidence
+    if seen is not None and "probability" in (seen[0].kind, seen[1].kind):
+        if found.by == "rims" or found.place is None:
             by_seen = find_place(*seen, orientations, z_scale_range)
-            found = by_seen if by_seen.place or not found.place else found
+            found = by_seen if by_seen.place else found
+        if found.place and _agreement(found.place, *seen) > abs(_agreement(found.place, *own)):
+            evidence = seen
     outcome = SearchOutcome.of(
         align(*evidence, orientations=orientations, z_scale_range=z_scale_range, force=force, found=found)
     )
@@ -319,6 +319,12 @@ def with_evidence(alignment: Alignment, a: Evidence, b: Evidence) -> Alignment |
     there_a, there_b = in_one_frame(clipped(a), clipped(b), alignment, 0.0)
     shared_mm2 = float((there_a.valid & there_b.valid).sum()) * STEP_MM * there_a.column_mm
     return replace(alignment, correlation=correlation(there_a, there_b), overlap_mm2=shared_mm2)
+
+
+def _agreement(place: Alignment, a: Evidence, b: Evidence) -> float:
+    """Return the correlation of the two at ``place``; 0 where they share no wall."""
+    there = with_evidence(place, a, b)
+    return there.correlation if there else 0.0
 
 
 def _is_possible(alignment: Alignment) -> bool:

@@ -29,13 +29,14 @@ from endoct.fusion.comparison import (
     save_comparison,
     score_placed,
 )
-from endoct.fusion.evidence.side import two_sides
+from endoct.fusion.evidence.side import Side, two_sides
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import Step
 from endoct.fusion.result import ByHand
 from endoct.fusion.scoring.overlap import BOTH
-from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.fusion.segmentation.segment import Segmentation
+from endoct.fusion.segmentation.side_cells import evidence_of, segment_side
 from endoct.stitching.panorama import Panorama
 
 COARSE = CompareParameters(n_theta=512)
@@ -367,3 +368,26 @@ def test_a_bend_is_used_said_and_stored(tmp_path: Path) -> None:
     twisted = compare_panoramas(pair.a, turned, COARSE.model_copy(update={"correct_twist": True}))
     assert twisted.alignment is not None
     assert twisted.alignment.bend is None
+
+
+def test_cells_that_an_eye_saw_align_the_sides(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They tell more exactly where B lies than the darkness does."""
+    plain = place_sides(*two_sides(pair.a, pair.b), COARSE)
+
+    def seen(a: Side, b: Side, *_: object) -> tuple[Segmentation, Segmentation]:
+        return replace(plain.cells[0], probability=pair.cells_a.astype(np.float32)), plain.cells[1]
+
+    monkeypatch.setattr("endoct.fusion.comparison.segment_sides", seen)
+    placed = place_sides(*two_sides(pair.a, pair.b), COARSE)
+    assert placed.outcome.alignment is not None
+    assert plain.outcome.alignment is not None
+    assert placed.outcome.alignment.correlation > plain.outcome.alignment.correlation
+    middle_mm = np.array([float(pair.b.z_mm.mean())])
+    assert placed.outcome.alignment.z_error_mm(middle_mm) < plain.outcome.alignment.z_error_mm(middle_mm)
+    own = evidence_of(placed.both[1], placed.cells[1])
+    assert own is placed.both[1].evidence
+    of_a = evidence_of(placed.both[0], placed.cells[0])
+    assert of_a.kind == "probability"
+    assert of_a.knows_cells
+    np.testing.assert_array_equal(of_a.values, pair.cells_a)
+    assert evidence_of(plain.both[0], plain.cells[0]) is plain.both[0].evidence

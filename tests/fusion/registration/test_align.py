@@ -10,11 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM, COORDINATE_ATOL
 
+from endoct.base.arrays import Mask
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import Evidence, prepare
-from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS
-from endoct.fusion.registration.align import Alignment, NotAligned, align, open_orientations
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, as_covariance
+from endoct.fusion.registration.align import Alignment, Found, NotAligned, align, align_sides, open_orientations
+from endoct.fusion.registration.instruments import corrected_for_instruments
 from endoct.stitching.panorama import Panorama
 
 alignments = st.builds(
@@ -168,3 +171,68 @@ def test_a_place_by_rims_of_little_confidence_must_be_clear(
     best = replace(pair.truth, confidence=0.05, correlation=0.2, ratio=ratio, chance=chance)
     monkeypatch.setattr("endoct.fusion.registration.align.search", lambda *_: best)
     assert isinstance(align(prepare(pair.a), prepare(pair.b)), Alignment) == is_believed
+
+
+def seen_by_an_eye(pair: Pair, cells: Mask | None = None) -> tuple[Evidence, Evidence]:
+    """The cells of A as an eye sees them, sure but for noise, and the relief of B."""
+    dark = prepare(pair.a)
+    noise = np.random.default_rng(7).normal(0, 0.1, dark.values.shape).astype(np.float32)
+    values = np.clip((pair.cells_a if cells is None else cells) + noise, 0, 1)
+    return replace(dark, values=values, kind="probability"), prepare(pair.b)
+
+
+def sides(pair: Pair) -> tuple[Side, Side]:
+    return Side("endoscope", pair.a), Side("oct", pair.b)
+
+
+def test_cells_seen_find_what_the_sides_own_evidence_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = make_pair(5, rows=45)
+    a, b = sides(pair)
+    nothing = Found(None, replace(pair.truth, theta_shift_rad=pair.truth.theta_shift_rad + 1))
+    assert align_sides(a, b, found=nothing).alignment is None
+    assert_found(pair, align_sides(a, b, found=nothing, seen=seen_by_an_eye(pair)).alignment)
+    other = make_pair(5, rows=45, other_bore=True)
+    assert align_sides(*sides(other), found=nothing, seen=seen_by_an_eye(other)).alignment is None
+    # what rims have found is searched for anew, and stands where cells seen find nothing
+    by_rims = Found(pair.truth, pair.truth, "rims")
+    alignment = align_sides(a, b, found=by_rims, seen=seen_by_an_eye(pair)).alignment
+    assert alignment is not None
+    assert alignment.confidence > 0.3
+    blind = seen_by_an_eye(pair, np.zeros(pair.cells_a.shape, np.bool_))
+    assert_found(pair, align_sides(a, b, found=by_rims, seen=blind).alignment)
+
+
+def test_cells_seen_refine_a_place_where_they_agree_better(pair: Pair) -> None:
+    a, b = sides(pair)
+    by_own = align_sides(a, b).alignment
+    by_eye = align_sides(a, b, seen=seen_by_an_eye(pair)).alignment
+    blind = align_sides(a, b, seen=seen_by_an_eye(pair, ~pair.cells_a)).alignment
+    assert by_own is not None
+    assert by_eye is not None
+    assert by_eye.correlation > by_own.correlation
+    middle_mm = float(pair.b.z_mm.mean())
+    assert by_eye.z_error_mm(np.array([middle_mm])) < by_own.z_error_mm(np.array([middle_mm]))
+    assert_found(pair, by_eye)
+    assert blind == by_own
+
+
+def test_cells_as_an_eye_sees_them_need_no_correction_for_a_slant() -> None:
+    relief = Evidence(
+        np.zeros((21, 32), np.float32), np.ones((21, 32), np.bool_), np.linspace(-1, 1, 21), 0.1, 0, 1.0, "relief"
+    )
+    exact = Alignment(0.3, 0.1, covariance=as_covariance(np.zeros((3, 3))))
+    seen = replace(relief, kind="probability", slant=0.5)
+    corrected = corrected_for_instruments(exact, seen, relief)
+    assert corrected.z_shift_mm == 0.1
+    np.testing.assert_allclose(np.diag(corrected.covariance), np.square([0.002, 0.005, 0.0015]), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.diag(corrected_for_instruments(exact, replace(seen, kind="darkness"), relief).covariance),
+        np.square([0.002, 0.009, 0.002]),
+        rtol=1e-6,
+    )
+    deep = replace(
+        relief, values=np.where(np.arange(32) < 9, np.float32(0.2), np.float32(0)) * np.ones((21, 1), np.float32)
+    )
+    assert corrected_for_instruments(exact, seen, deep).z_shift_mm == 0.1
+    moved = corrected_for_instruments(exact, replace(seen, kind="darkness"), deep)
+    assert moved.z_shift_mm == pytest.approx(0.1 + 0.5 * 0.5 * 0.15)

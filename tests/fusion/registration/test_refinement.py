@@ -56,3 +56,24 @@ def test_what_one_side_did_not_see_pulls_at_nothing(pair_of: Callable[..., Any])
     blank = replace(b, valid=seen, values=np.where(seen, b.values, np.float32(0)))
     spoiled = replace(b, valid=seen, values=np.where(seen, b.values, np.float32(0.1)))
     assert refine(a, spoiled, pair.truth, SCALES) == refine(a, blank, pair.truth, SCALES)
+
+
+def test_waves_are_held_by_what_errs_as_one_whatever_the_blur(pair: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Residuals err alike within 0.6 mm: a prior of 0.02 rad counts as much against fine edges as against wide ones."""
+    a, b = sides(pair)
+    fit = equations.Bending(pair.truth, np.zeros(1 + 2 * equations.WAVES))
+
+    def held(sigma_mm: float) -> float:
+        of = equations.level(a, b, 1, sigma_mm)
+        with_prior = equations.equations(of, fit)
+        with monkeypatch.context() as without:
+            without.setattr(equations, "BEND_RAD", 1e9)
+            free = equations.equations(of, fit)
+        assert with_prior is not None
+        assert free is not None
+        return float(with_prior.normal[5, 5] - free.normal[5, 5])
+
+    assert held(0.12) == pytest.approx(held(0.03), rel=1e-6)
+    ours = held(0.03)
+    monkeypatch.setattr(equations, "PATCH_MM", 0.3)
+    assert ours == pytest.approx(4 * held(0.03), rel=1e-6)

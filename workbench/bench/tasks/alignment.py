@@ -16,9 +16,11 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
 from endoct.base.files.json_values import number
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.evidence.evidence import prepare
+from endoct.fusion.comparison import place_sides
+from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
-from endoct.fusion.registration.align import align, open_orientations
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.registration.align import open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import load_side
@@ -231,8 +233,9 @@ TASK = Task(
 
 
 def ours(a: Panorama, b: Panorama) -> Alignment | NotAligned:
-    """Align with :mod:`endoct.fusion.registration.align`."""
-    return align(prepare(a), prepare(b), orientations=orientations_between(a, b))
+    """Align as a comparison does: by the evidence of both, and by the cells that a learned eye sees."""
+    outcome = place_sides(*two_sides(a, b), CompareParameters()).outcome
+    return outcome.alignment or NotAligned(outcome.reason, outcome.best)
 
 
 def orientations_between(a: Panorama, b: Panorama) -> tuple[Orientation, ...]:
