@@ -1,0 +1,177 @@
+"""How exactly two sides are aligned, and whether the stated errors hold: fresh bores of both generators, by set.
+
+    python -m benchmarks.alignment quick:9400:9412 floors:9400:9412 [--drift] [--workers 2]
+
+Sets are presets of the simulator and those of the independent generator. Errors are those of the middle of the OCT.
+``--drift`` disturbs each OCT panorama by one of :data:`DRIFTS`, drawn by its seed. Errors are then medians over its
+rows, with the bend, and without. 15 s of one core for each bore.
+"""
+
+import argparse
+import os
+from collections import defaultdict
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from benchmarks.independent.judge import Wall, measured_place
+from benchmarks.independent.pair import make_pair, write_pair
+from benchmarks.independent.sets import recipe_of
+from benchmarks.independent.truth import between
+from endoct.base.arrays import Coordinates
+from endoct.base.numeric.circle import wrap_rad
+from endoct.fusion.comparison import place_sides
+from endoct.fusion.evidence.side import two_sides
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.parameters import CompareParameters
+from endoct.stitching.panorama import Panorama
+from endoct.synthetic.sample.presets import PRESETS
+from endoct.workbench import simulate, unroll
+from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
+
+DRIFTS = "roll", "rollstep", "feedstep", "lost", "doubled"
+"""A catheter that slips smoothly or at once, by up to 15°; a feed 1–8 % off from a place on; 1–3 slices lost or doubled.
+"""
+WRONG_MM = 0.3
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """Errors of one pair along the bore (mm), around it (rad) and of the scale, those stated, and those without a bend.
+
+    All are None where the pair was not aligned.
+    """
+
+    drift: str
+    errors: Coordinates | None = None
+    stated: Coordinates | None = None
+    rigid: Coordinates | None = None
+
+
+def panoramas_of(name: str, seed: int) -> tuple[Panorama, Panorama, Alignment]:
+    """Return both panoramas of a specimen, and where the second truly lies on the first."""
+    with TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "specimen"
+        if name in PRESETS:
+            simulate(folder, preset=name, seed=seed, progress=False)  # type: ignore[arg-type]
+            a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
+            truth = load_truth(folder)
+            true = TrueMap(a.grid.z_mm, true_pose(a, truth), true_pose(b, truth))
+            known = np.isfinite(true.z_to_a(b.grid.z_mm))
+            slope, shift_mm = np.polyfit(b.grid.z_mm[known], true.z_to_a(b.grid.z_mm)[known], 1)
+            turn_rad = float(np.mod(true.theta_to_a(0.0), 2 * np.pi))
+            return a, b, Alignment(turn_rad, float(shift_mm), abs(float(slope)), true.mirrored, bool(slope < 0))
+        pair = make_pair(recipe_of(name, seed), seed)
+        write_pair(pair, folder)
+        a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
+        wall = Wall(a.intensity, np.zeros(a.grid.shape, np.bool_), a.valid, a.grid.z_mm, a.grid.theta_rad)
+        place = between(measured_place(pair.bore, wall, pair.endoscope_place)[0], pair.oct_place)
+        return a, b, Alignment(place.theta_rad, place.z_mm, place.scale, place.mirrored, place.reversed)
+
+
+def drifted(panorama: Panorama, drift: str, random: np.random.Generator) -> tuple[Panorama, Coordinates, Coordinates]:
+    """Return ``panorama`` disturbed, and where each of its rows truly lies (mm) and by how much it is turned (rad)."""
+    z_mm, n = panorama.grid.z_mm, panorama.grid.n_z
+    share, rows = np.linspace(0, 1, n), np.arange(n)
+    at, size = int(n * random.uniform(0.25, 0.75)), random.choice([-1, 1])
+    turn_rad, labels_mm = np.zeros(n), z_mm
+    if drift.startswith("roll"):
+        course = share >= share[at] if drift == "rollstep" else np.sin(np.pi * share * random.uniform(0.5, 2)) ** 2
+        turn_rad = size * np.radians(random.uniform(1, 15)) * course
+    elif drift == "feedstep":
+        labels_mm = z_mm + size * random.uniform(0.01, 0.08) * np.maximum(z_mm - z_mm[at], 0)
+    else:
+        count = int(random.integers(1, 4))
+        rows = np.delete(rows, slice(at, at + count)) if drift == "lost" else np.insert(rows, at, [at] * count)
+        labels_mm = z_mm[0] + panorama.grid.dz_mm * np.arange(rows.size)
+        turn_rad = np.zeros(rows.size)
+    columns = np.rint(turn_rad / panorama.grid.dtheta_rad).astype(int)
+
+    def moved(image: np.ndarray) -> np.ndarray:
+        return np.stack([np.roll(image[row], by) for row, by in zip(rows, columns, strict=True)])
+
+    grid = replace(panorama.grid, n_z=rows.size, rows_mm=tuple(labels_mm.tolist()))
+    images = (moved(image) for image in (panorama.intensity, panorama.depth_mm, panorama.valid, panorama.weight))
+    intensity, depth_mm, valid, weight = images
+    disturbed = replace(
+        panorama, grid=grid, intensity=intensity, depth_mm=depth_mm, valid=valid, weight=weight, per_frame={}
+    )
+    return disturbed, z_mm[rows], columns * panorama.grid.dtheta_rad
+
+
+def aligned(job: tuple[str, int], *, drift: bool) -> tuple[str, Aligned]:
+    """Return the name of the set, and how far off a comparison places its OCT."""
+    name, seed = job
+    a, b, truth = panoramas_of(name, seed)
+    kind, z_mm, turn_rad = "", b.grid.z_mm, np.zeros(b.grid.n_z)
+    if drift:
+        random = np.random.default_rng(seed)
+        kind = str(random.choice(DRIFTS))
+        b, z_mm, turn_rad = drifted(b, kind, random)
+    found = place_sides(*two_sides(a, b), CompareParameters()).outcome.alignment
+    if found is None or (found.mirrored, found.z_reversed) != (truth.mirrored, truth.z_reversed):
+        return name, Aligned(kind, None if found is None else np.full(3, np.inf))
+
+    def off(alignment: Alignment, rows: np.ndarray) -> Coordinates:
+        along_mm = alignment.z_to_a(b.grid.z_mm[rows]) - truth.z_to_a(z_mm[rows])
+        around = alignment.theta_to_a(np.zeros(rows.size), b.grid.z_mm[rows]) - truth.theta_to_a(-turn_rad[rows])
+        return np.stack([along_mm, wrap_rad(around)])
+
+    if drift:
+        every = np.arange(b.grid.n_z)
+        errors, rigid = (np.median(np.abs(off(of, every)), axis=1) for of in (found, found.rigid))
+        return name, Aligned(kind, errors, rigid=rigid if found.bend else None)
+    middle_mm = float(b.grid.z_mm[[0, -1]].mean())
+    along_mm = float(found.rigid.z_to_a(middle_mm) - truth.z_to_a(middle_mm))
+    around_rad = float(wrap_rad(np.float64(found.theta_shift_rad - truth.theta_shift_rad)))
+    to_middle = np.array([[0, 1, -middle_mm if found.z_reversed else middle_mm], [1, 0, 0], [0, 0, 1.0]])
+    stated = np.sqrt(np.diag(to_middle @ np.array(found.covariance) @ to_middle.T))
+    return name, Aligned(kind, np.array([along_mm, around_rad, found.z_scale - truth.z_scale]), stated)
+
+
+def told(name: str, every: list[Aligned]) -> str:
+    """Return a line on one set, or one kind of drift."""
+    errors = np.array([one.errors for one in every if one.errors is not None])
+    if not errors.size:
+        return f"{name} {len(every)}: none aligned"
+    wrong = np.abs(errors[:, 0]) > WRONG_MM
+    along_um, around_deg = 1e3 * errors[:, 0], np.degrees(errors[:, 1])
+    line = (
+        f"{name} {len(every)}: aligned {len(errors)}, wrong {wrong.sum()}; along {np.median(np.abs(along_um)):.1f} µm "
+        f"(mean {along_um.mean():+.1f}), around {np.median(np.abs(around_deg)):.2f}° (mean {around_deg.mean():+.2f})"
+    )
+    if every[0].drift:
+        rigid = np.array([one.rigid for one in every if one.rigid is not None]).reshape(-1, 2)
+        before = np.median(rigid, axis=0) if rigid.size else np.zeros(2)
+        return (
+            f"{line}; bent {len(rigid)}, of these without a bend {1e3 * before[0]:.1f} µm, {np.degrees(before[1]):.2f}°"
+        )
+    within = np.abs(errors / np.array([one.stated for one in every if one.errors is not None]))
+    shares = ", ".join(f"{share:.0%}" for share in (within < 2).mean(axis=0))
+    return f"{line}; within two σ along, around, scale {shares}"
+
+
+def main() -> None:
+    """Measure every set."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sets", nargs="+", help="NAME:FIRST:LAST, seeds before LAST")
+    parser.add_argument("--drift", action="store_true")
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    given = parser.parse_args()
+    parts = [one.split(":") for one in given.sets]
+    jobs = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
+    by = defaultdict[str, list[Aligned]](list)
+    with ProcessPoolExecutor(given.workers) as pool:
+        for name, one in pool.map(partial(aligned, drift=given.drift), jobs):
+            by[one.drift or name].append(one)
+            by["all"].append(one)
+    for name, every in by.items():
+        print(told(name, every))
+
+
+if __name__ == "__main__":
+    main()
