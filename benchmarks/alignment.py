@@ -34,7 +34,7 @@ from endoct.workbench import simulate, unroll
 from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
 DRIFTS = "roll", "rollstep", "feedstep", "lost", "doubled"
-"""A catheter that slips smoothly or at once, by up to 15°; a feed 1–8 % off from a place on; 1–3 slices lost or doubled.
+"""A catheter slips smoothly, or at once, by up to 15°; a feed is 1–8 % off from a place on; slices are lost or doubled.
 """
 WRONG_MM = 0.3
 
