@@ -199,7 +199,7 @@ def _refined(
     place: Alignment, a: Evidence, b: Evidence, z_scale_range: tuple[float, float], *, by_rims: bool
 ) -> Alignment | None:
     """Return ``place`` to a fraction of a sample, and how it bends; None where rims align what shares no wall."""
-    if by_rims and "probability" not in (a.kind, b.kind):
+    if by_rims:
         return with_evidence(refine(rims(clipped(a)), rims(clipped(b)), place, z_scale_range), a, b)
     turned = place.correlation < 0 and "darkness" in (a.kind, b.kind)
     if turned:  # bright cells: clipping has cut away just what distinguishes them from the wall
