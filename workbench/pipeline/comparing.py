@@ -16,11 +16,11 @@ from endoct.base.files.files import check_unchanged, digests, path_text, state_o
 from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
-from endoct.fusion.files.store import COMPARISON_STORE, save_comparison, write_cells
+from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, save_comparison, write_cells
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
-from endoct.fusion.wall.cells import Joined, join, write_wall_cells
+from endoct.fusion.wall.cells import Joined, WallCell, join, write_wall_cells
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_notes, save_panorama
@@ -55,8 +55,6 @@ from endoct.workbench.sides.sources import (
 if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
     from endoct.workbench.requests import CompareRequest
 
-WALL_STORE = "wall.zarr"
-"""The store of the one wall of both sides in the folder of a comparison."""
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
 
@@ -112,6 +110,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
             folder.draw(placed)
         comparison = score_placed(placed, given.parameters)
         joined = join(placed)
+        wall = None if joined is None else joined.wall.as_panorama(placed)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
@@ -119,8 +118,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
-            if joined is not None:
-                folder.write_wall(joined, placed)
+            if joined is not None and wall is not None:
+                folder.write_wall(wall, joined.cells)
     notes = {
         side.name: (
             *side.panorama.notes,
@@ -129,7 +128,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         )
         for side in sides
     }
-    comparison = replace(comparison, result=_completed(comparison, joined, against, sides, given, notes, stages, start))
+    result = _completed(comparison, joined, against, sides, given, notes, stages, start)
+    comparison = replace(comparison, result=result, wall=wall)
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -252,10 +252,10 @@ class ComparisonFolder:
         write_drawings(against, comparison.grid, self.path)
         return {side.name: task.result() for side, task in zip(self.sides, self.stored, strict=True)}
 
-    def write_wall(self, joined: Joined, placed: Placed) -> None:
+    def write_wall(self, wall: Panorama, cells: Sequence[WallCell]) -> None:
         """Write the one wall of both sides, and its cells."""
-        save_panorama(joined.wall.as_panorama(placed), self.path / WALL_STORE)
-        write_wall_cells(joined.cells, self.path / "wall-cells.csv")
+        save_panorama(wall, self.path / WALL_STORE)
+        write_wall_cells(cells, self.path / "wall-cells.csv")
 
     def write_result(self, comparison: Comparison) -> None:
         """Write ``result.json``."""
