@@ -164,7 +164,9 @@ def _completed(
     """Return the result with ``notes`` by side, what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
-    doubts = (*result.doubts, *doubts_of_drawings(sides, against))
+    of_sides = (*result.doubts, *(() if joined is None else joined.doubts))
+    in_order = sorted(of_sides, key=lambda doubt: {None: 0, sides[0].name: 1}.get(doubt.side, 2))
+    doubts = (*in_order, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
         doubts = (doubt, *doubts)
     result = result.model_copy(update={"doubts": doubts, "wall": None if joined is None else joined.summary})
