@@ -18,6 +18,8 @@ FARTHEST_MM = 0.3
 """An outline farther off says no more than that it is far."""
 AROUND_MM = 0.1
 """What one side shows of a cell counts so far beyond the cell's outline, too."""
+SURE = np.float32(0.98)
+"""The probability of a cell where somebody drew one."""
 LEAST_LOGIT = 0.01
 """A probability this near to 0 or 1 is as sure as any."""
 SHALLOWEST_MM, DEEPEST_MM = -0.05, 0.3
@@ -88,11 +90,11 @@ class BothSides:
 def both_sides_of(placed: Placed) -> BothSides | None:
     """Return what two aligned sides show, of which one measures depth and one does not; None of any others.
 
-    Nor of masks drawn by hand, and of bores far wider than those in bone, which the networks do not know.
+    Nor of bores far wider than those in bone, which the networks do not know. A mask drawn by hand takes the place of a
+    side that sees light, and its cells are as sure as any.
     """
     measures = [side.relief is not None for side in placed.both]
-    is_other = any(side.drawing is not None or side.scale != 1 for side in placed.both)
-    if placed.outcome.alignment is None or sum(measures) != 1 or is_other:
+    if placed.outcome.alignment is None or sum(measures) != 1 or any(side.scale != 1 for side in placed.both):
         return None
     d = measures.index(True)
     depth, by_depth, by_light = placed.both[d], placed.sides[d], placed.sides[1 - d]
@@ -100,6 +102,8 @@ def both_sides_of(placed: Placed) -> BothSides | None:
     assert depth.relief is not None  # noqa: S101  it is the side that measures
     assert by_depth.relief_mm is not None  # noqa: S101
     probability, seen = placed.cells[1 - d].probability, placed.both[1 - d].panorama.valid
+    if placed.both[1 - d].drawing is not None:
+        probability = np.where(placed.cells[1 - d].mask, SURE, 1 - SURE)
     return BothSides(
         grid=grid,
         depth_side=d,

@@ -177,6 +177,7 @@ def join(placed: Placed) -> Joined | None:
         return None
     wall = wall_from(sides)
     cells, names = cells_of(wall), (placed.sides[0].name, placed.sides[1].name)
-    doubt = doubt_of_short_ends(sides, names)
+    is_drawn = placed.both[sides.light_side].drawing is not None
+    doubt = None if is_drawn else doubt_of_short_ends(sides, names)
     summary = summary_of(cells, contradictions_of(sides, names))
     return Joined(wall, cells, summary, () if doubt is None else (doubt,))

@@ -66,16 +66,17 @@ class Wall:
     def as_panorama(self, placed: Placed) -> Panorama:
         """Return the wall as a panorama of the modality "wall", in the frame of side A, for whatever takes one.
 
-        Its intensity is that of the side which sees light, 1 where that saw nothing; it is valid where relief is known.
-        What else is known of every sample lies on its rows: the probability of a cell, the error of its depth, and who
-        decided.
+        Its intensity is that of the side which sees light, 1 where that saw nothing or is a drawing; it is valid where
+        relief is known. What else is known of every sample lies on its rows: the probability of a cell, the error of
+        its depth, and who decided.
         """
-        light = next(side for side, of in zip(placed.sides, placed.both, strict=True) if of.relief is None)
+        k = 0 if placed.both[0].relief is None else 1
+        light, lit = placed.sides[k], placed.sides[k].valid & (placed.both[k].drawing is None)
         a = placed.both[0].panorama
         known: Mask = np.isfinite(self.relief_mm)
         return Panorama(
             grid=self.grid,
-            intensity=np.where(light.valid, light.intensity, np.float32(1)),
+            intensity=np.where(lit, light.intensity, np.float32(1)),
             depth_mm=np.where(known, self.relief_mm, np.float32(0)),
             valid=known,
             weight=known.astype(np.float32),

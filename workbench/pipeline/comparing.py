@@ -164,9 +164,8 @@ def _completed(
     """Return the result with ``notes`` by side, what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
-    of_sides = (*result.doubts, *(() if joined is None else joined.doubts))
-    in_order = sorted(of_sides, key=lambda doubt: {None: 0, sides[0].name: 1}.get(doubt.side, 2))
-    doubts = (*in_order, *doubts_of_drawings(sides, against))
+    of_sides = in_order((*result.doubts, *(() if joined is None else joined.doubts)), sides[0].name)
+    doubts = (*of_sides, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
         doubts = (doubt, *doubts)
     result = result.model_copy(update={"doubts": doubts, "wall": None if joined is None else joined.summary})
@@ -185,6 +184,11 @@ def _completed(
             "in all, before the report": round(time.perf_counter() - start, 3),
         },
     )
+
+
+def in_order(doubts: Sequence[Doubt], a: str) -> tuple[Doubt, ...]:
+    """Return ``doubts`` of the comparison before those of the side ``a``, and these before those of the other side."""
+    return tuple(sorted(doubts, key=lambda doubt: {None: 0, a: 1}.get(doubt.side, 2)))
 
 
 def notes_on_travel(side: Side, sides: tuple[Side, Side]) -> Iterator[str]:

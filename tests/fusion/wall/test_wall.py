@@ -249,6 +249,27 @@ def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_pat
     assert np.array_equal(read.depth_mm[known], joined.wall.relief_mm[known])  # type: ignore[index]
 
 
+def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> None:
+    placed = place_sides(*two_sides(pair.a, pair.b), CompareParameters())
+    made = both_sides_of(placed)
+    assert made is not None
+    depth, rows, where = placed.both[1], made.rows, placed.samplings[1].where
+    assert rows.z_mm == pytest.approx(where.z_to_a(depth.panorama.z_mm))
+    columns = np.rint(placed.grid.column_of(where.theta_to_a(depth.panorama.grid.theta_rad))).astype(int)
+    columns %= placed.grid.n_theta
+    assert np.nanmedian(np.abs(rows.relief_mm[:, columns] - depth.relief.values)) < 0.005  # type: ignore[union-attr]
+    own = placed.cells[1].mask
+    assert rows.cells[:, columns][own].mean() > 0.95
+    assert rows.cells[:, columns][~own].mean() < 0.05
+    light = depth.panorama.intensity
+    sigma = 1.4826 * np.median(np.abs(light[~own] - np.median(light[~own])))
+    expected = np.clip((light - np.median(light[~own])) / sigma, -8, 4)
+    assert np.median(np.abs(rows.brightness[:, columns] - expected)) < 0.5  # columns lie up to half of one aside
+    assert np.corrcoef(rows.brightness[:, columns].ravel(), expected.ravel())[0, 1] > 0.7
+    nearer, farther = rows.beside(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
+    assert (nearer.tolist(), farther.tolist()) == ([3, 4, 6], [2, 5, 5])
+
+
 def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) -> None:
     parameters = CompareParameters()
     placed = place_sides(*two_sides(pair.a, pair.b), parameters)
@@ -256,5 +277,17 @@ def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) 
     assert join(replace(placed, outcome=replace(placed.outcome, alignment=None))) is None
     for alone in (pair.a, pair.b):
         assert join(place_sides(*two_sides(alone, alone), parameters)) is None
-    drawn = DrawnMask(pair.b.grid, placed.cells[1].mask, "me", "1", pair.b)
-    assert join(place_sides(*two_sides(drawn, pair.b), parameters)) is None
+    drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
+    assert join(place_sides(*two_sides(drawn, pair.a), parameters)) is None
+
+
+def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair) -> None:
+    drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
+    placed = place_sides(*two_sides(drawn, pair.b), CompareParameters())
+    joined = join(placed)
+    assert joined is not None
+    assert joined.doubts == ()
+    both = placed.sides[0].valid & placed.sides[1].valid
+    assert jaccard(joined.wall.cells & both, placed.sides[0].mask & both, both) > 0.95  # type: ignore[operator]
+    panorama = joined.wall.as_panorama(placed)
+    assert (panorama.intensity == 1).all()
