@@ -22,7 +22,8 @@ def short_ends_mm(sides: BothSides) -> tuple[float, float]:
     """
     light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
     both = sides.observed[0] & sides.observed[1]
-    inward = np.arange(1 - round(REACH_MM / sides.grid.dz_mm), round(REACH_MM / sides.grid.dz_mm))
+    reach = max(2, round(REACH_MM / sides.grid.dz_mm))
+    inward = np.arange(1 - reach, reach)
     medians = []
     for down in (slice(None, None, -1), slice(None)):
         light_so, depth_so, both_so = light[down], depth[down], both[down]  # an end is toward higher rows

@@ -5,6 +5,7 @@ import pytest
 from wall_sides import GRID, NAMES, disc, sides
 
 from endoct.fusion.wall.short_ends import doubt_of_short_ends, short_ends_mm
+from endoct.stitching.grid import SurfaceGrid
 
 CELLS = disc(1.8, 0.1, 0.3) | disc(2.6, 2.0, 0.5) | disc(2.8, 4.0, 0.35) | disc(2.0, 5.3, 0.4)
 WHOLE = np.ones(GRID.shape, np.bool_)
@@ -43,6 +44,11 @@ def test_a_misplacement_is_no_lack_and_longer_cells_are_none() -> None:
     assert short_ends_mm(sides(shifted(6), CELLS)) == pytest.approx((0.12, -0.12), abs=0.021)
     assert doubt_of_short_ends(sides(shifted(6), CELLS), NAMES) is None
     assert sum(short_ends_mm(sides(shifted(4) | shifted(-4), CELLS))) < -0.1
+
+
+def test_rows_farther_apart_than_the_reach_are_compared_with_their_neighbours() -> None:
+    coarse = SurfaceGrid.full_circle(GRID.n_z, GRID.n_theta, z0_mm=0.0, dz_mm=0.5, radius_mm=1.25)
+    assert short_ends_mm(sides(CELLS, CELLS, grid=coarse)) == (0, 0)
 
 
 def test_a_few_ends_say_nothing() -> None:
