@@ -25,15 +25,16 @@ from benchmarks.independent.judge import Wall as JudgedWall
 from benchmarks.independent.judge import measured_place
 from benchmarks.independent.pair import make_pair, write_pair
 from benchmarks.independent.sets import recipe_of
+from benchmarks.wall_rivals import joined, kriged
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
-from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, both_sides_of, cell_features
-from endoct.fusion.wall.wall import depth_features, known_depth, wall_from
+from endoct.fusion.segmentation.side_cells import doubts_of_side
+from endoct.fusion.wall.both_sides import BothSides, both_sides_of, cell_features
+from endoct.fusion.wall.wall import BY_BOTH, BY_DEPTH, BY_LIGHT, depth_features, known_depth, wall_from
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench import simulate, unroll
@@ -42,16 +43,27 @@ from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, t
 WIDTH, EPOCHS, BATCH, RATE = 32, 20, 2048, 3e-3
 SAMPLES_A_PAIR = 6000
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
+REACHED_MM = 0.7
+"""Deeper floors often lie beyond what OCT reaches."""
+DECIDED = ((BY_LIGHT, "light"), (BY_DEPTH, "depth"), (BY_BOTH, "both"))
 SMALLER_BY = 0.01
+RIVALS = (
+    "better side", "believed", "endoscope", "OCT", "union", "intersection", "mean of distances", "STAPLE",
+    "OCT, linear", "OCT, kriged",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """What both sides show of a specimen, with its true cells and relief on the same grid."""
+    """What both sides show of a specimen, with its true cells and relief on the same grid.
+
+    ``believed`` is the side of which endoct doubts less, by its place; the one with light where it doubts both alike.
+    """
 
     name: str
     seed: int
     sides: BothSides
+    believed: int
     cell: Mask
     relief_mm: Image
 
@@ -66,14 +78,13 @@ def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, 
         return None
     onto = placed.samplings[0].onto(placed.grid)
     true, _ = onto.mask(cell, np.ones(cell.shape, np.bool_))
-    return Known(name, seed, sides, true, onto.known(relief_mm, np.isfinite(relief_mm)))
+    doubted = [len(doubts_of_side(*of)) for of in zip(placed.both, placed.cells, strict=True)]
+    believed = sides.depth_side if doubted[sides.depth_side] < doubted[sides.light_side] else sides.light_side
+    return Known(name, seed, sides, believed, true, onto.known(relief_mm, np.isfinite(relief_mm)))
 
 
-def made(name: str, seed: int, into: Path) -> str:
-    """Make, place and keep a specimen; say how that ended."""
-    path = into / f"{name}-{seed}.pkl"
-    if path.exists():
-        return f"{path.name} is there"
+def specimen(name: str, seed: int) -> tuple[Panorama, Panorama, Mask, Image]:
+    """Return both sides of a new specimen, unrolled, and its true cells and relief on the samples of the endoscope."""
     with TemporaryDirectory() as scratch:
         folder = Path(scratch) / "specimen"
         if name in PRESETS:
@@ -94,7 +105,15 @@ def made(name: str, seed: int, into: Path) -> str:
             theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
             cell = pair.bore.is_cell(theta, z)
             relief_mm = np.asarray(pair.bore.at(pair.bore.relief_mm, theta, z), np.float32)
-    known = known_of(a, b, cell, relief_mm, name, seed)
+    return a, b, cell, relief_mm
+
+
+def made(name: str, seed: int, into: Path) -> str:
+    """Make, place and keep a specimen; say how that ended."""
+    path = into / f"{name}-{seed}.pkl"
+    if path.exists():
+        return f"{path.name} is there"
+    known = known_of(*specimen(name, seed), name, seed)
     if known is None:
         return f"{path.name}: not aligned"
     keep(known, path)
@@ -124,10 +143,10 @@ def train(folder: Path, into: Path) -> None:
     cells: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
     depths: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
     for known in kept(folder):
-        sides, features = known.sides, cell_features(known.sides)
-        near = sides.observed[0] & sides.observed[1] & ((features[0] > -FARTHEST_MM) | (features[1] > -FARTHEST_MM))
-        some = rng.choice(np.flatnonzero(near), SAMPLES_A_PAIR)
-        cells.append((features.reshape(len(features), -1)[:, some], known.cell.ravel()[some].astype(np.float32)[None]))
+        sides = known.sides
+        near, features = cell_features(sides)
+        some = rng.choice(features.shape[1], SAMPLES_A_PAIR)
+        cells.append((features[:, some], known.cell[near][some].astype(np.float32)[None]))
         depth_mm = known_depth(sides)
         told = (sides.cells[0] | sides.cells[1]) & known.cell & np.isfinite(depth_mm)
         if told.any():
@@ -175,42 +194,43 @@ def judged(known: Known) -> Row:
     """Return what the wall and its rivals come to on a specimen, where both sides observed it."""
     sides, wall = known.sides, wall_from(known.sides)
     both = sides.observed[0] & sides.observed[1] & np.isfinite(known.relief_mm)
-    sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
-    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
-    mean = signed_distance(light, sample_mm, FARTHEST_MM) + signed_distance(depth, sample_mm, FARTHEST_MM) > 0
-    masks = {"wall": wall.cells, "light": light, "depth": depth, "union": light | depth, "both": light & depth}
-    masks["mean"] = mean
+    masks = {"wall": wall.cells, **joined(sides, known.believed)}
     row = {name: jaccard(mask & both, known.cell & both, both) or 0.0 for name, mask in masks.items()}
-    row["better"] = max(row["light"], row["depth"])
+    row["better side"] = max(row["endoscope"], row["OCT"])
     right = wall.cells & known.cell & both & np.isfinite(wall.relief_mm)
     error = wall.relief_mm - known.relief_mm
     row["volume"] = float(
         wall.relief_mm[wall.cells & both & np.isfinite(wall.relief_mm)].sum() / known.relief_mm[known.cell & both].sum()
     )
-    for low, high in (*DEPTHS_MM, (0.0, 9.0)):
-        part = right & (known.relief_mm > low) & (known.relief_mm < high)
+    depths = {"linear": sides.relief_mm, "kriged": kriged(sides.rows.relief_mm, sides.rows, sides.grid)}
+    parts = {
+        f"{low:g}–{high:g}": right & (known.relief_mm > low) & (known.relief_mm < high)
+        for low, high in (*DEPTHS_MM, (0.0, REACHED_MM), (0.0, 9.0))
+    }
+    parts |= {f"{by} decided by {of}": right & (wall.decided == by) for by, of in DECIDED}
+    for name, part in parts.items():
         if part.sum() > 500:
             off, sigma = error[part], wall.error_mm[part]
-            name = f"{low:g}–{high:g}"
             row |= {f"{name} mean |error|": float(np.abs(off).mean()), f"{name} bias": float(np.median(off))}
+            row[f"{name} median |error|"] = float(np.median(np.abs(off)))
             row |= {f"{name} in {k} sigma": float((np.abs(off) <= k * sigma).mean()) for k in (1, 2)}
-            linear = np.abs(np.nan_to_num(sides.relief_mm[part]) - known.relief_mm[part])
-            row[f"{name} linear"] = float(linear.mean())
+            for rival, depth_mm in depths.items():
+                row[f"{name} {rival}"] = float(np.abs(np.nan_to_num(depth_mm[part]) - known.relief_mm[part]).mean())
     return row
 
 
 def table(rows: Sequence[tuple[str, Row]]) -> Iterator[str]:
-    """Yield, by set, medians, means and the worst, of cells; then of depths."""
+    """Yield, by set, medians, means and the worst of cells, the rivals that the wall loses to first; then of depths."""
     for name in dict.fromkeys(of for of, _ in rows):
         mine = [row for of, row in rows if of == name]
-        wall, better = (np.array([row[key] for row in mine]) for key in ("wall", "better"))
-        below = float((wall < better - SMALLER_BY).mean())
-        cells = ", ".join(
-            f"{key} {np.median(v):.3f} (mean {v.mean():.3f}, worst {v.min():.3f})"
-            for key in ("wall", "better", "light", "depth", "union", "mean")
-            if len(v := np.array([row[key] for row in mine]))
-        )
-        yield f"{name}: {len(mine)} aligned; {cells}; below the better side by over {SMALLER_BY}: {below:.0%}"
+        wall = np.array([row["wall"] for row in mine])
+        rivals = {key: np.array([row[key] for row in mine]) for key in mine[0] if key in RIVALS}
+        of_wall = f"{np.median(wall):.3f} (mean {wall.mean():.3f}, worst {wall.min():.3f})"
+        yield f"{name}: {len(mine)} aligned; wall {of_wall}"
+        for key, v in sorted(rivals.items(), key=lambda of: float(np.median(wall - of[1]))):
+            lost = int((wall < v - SMALLER_BY).sum())
+            of_rival = f"{np.median(v):.3f} (mean {v.mean():.3f}, worst {v.min():.3f})"
+            yield f"    {key}: {of_rival}; ahead of the wall by over {SMALLER_BY} in {lost}"
         for key in dict.fromkeys(key for row in mine for key in row if key[0].isdigit() or key == "volume"):
             v = np.array([row[key] for row in mine if key in row])
             yield f"    {key}: {np.median(v):.3f} (mean {v.mean():.3f}, {v.min():.3f} to {v.max():.3f})"

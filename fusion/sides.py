@@ -19,6 +19,7 @@ from endoct.fusion.segmentation.segment import Segmentation
 from endoct.fusion.segmentation.side_cells import contrast_of
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.notebook import card, class_picture, draw_wall, new_wall_axes, wall_picture
+from endoct.stitching.panorama import Panorama
 
 if TYPE_CHECKING:
     import xarray
@@ -110,6 +111,8 @@ class Comparison:
     result: what ``result.json`` says. :func:`~endoct.fusion.comparison.compare_panoramas` gives only what fusion knows.
     cells: the cells of both sides as objects, A's first. Empty where it was read from a store of a version without
         them.
+    wall: the one wall of both sides (:meth:`~endoct.fusion.wall.wall.Wall.as_panorama`), depth behind the bore's wall;
+        None where there is none.
     """
 
     grid: SurfaceGrid
@@ -118,6 +121,7 @@ class Comparison:
     reason: str | None
     result: Result
     cells: tuple[Cell, ...] = ()
+    wall: Panorama | None = None
 
     @property
     def names(self) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import json
 import math
 import types
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import plain_name, spreadsheet_text
+from endoct.base.files.files import exists, plain_name, spreadsheet_text
 from endoct.base.files.json_values import a_list, an_object, number
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
@@ -27,12 +27,14 @@ from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import IMAGES, Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
-from endoct.stitching.store import stored_grid
+from endoct.stitching.store import load_panorama, stored_grid
 
 FORMAT = "endoct-comparison-1"
 PROPERTIES = tuple(field.name for field in fields(Cell))
 COMPARISON_STORE = "comparison.zarr"
 """The store in the folder of a comparison."""
+WALL_STORE = "wall.zarr"
+"""The store of the one wall of both sides, beside it."""
 _KINDS: dict[str, Any] = {field.name: field.type for field in fields(Cell)}
 _SIDES = ("side", "depth_of", "seen_by")
 """Properties that name a side. A number stands for it: its place among the sides, and 2 for "both"."""
@@ -146,7 +148,8 @@ def load_comparison(path: Path) -> Comparison:
 
 def load_compared(folder: Path) -> Comparison:
     """Return what `endoct compare` wrote to ``folder``. Raises :class:`EndoctError` as :func:`load_comparison` does."""
-    return load_comparison(folder / COMPARISON_STORE)
+    comparison, wall = load_comparison(folder / COMPARISON_STORE), folder / WALL_STORE
+    return replace(comparison, wall=load_panorama(wall)) if exists(wall) else comparison
 
 
 @dataclass(frozen=True, eq=False)

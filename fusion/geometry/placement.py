@@ -25,6 +25,7 @@ FINEST_DZ_MM = 0.02
 """Rows of a common grid lie no closer unless asked to."""
 SAME_BORE = 0.03
 """Two nominal diameters of one bore differ by no more than this share of the larger."""
+HALF = np.float32(0.5 - 1e-6)
 IN_PLACE = Alignment(theta_shift_rad=0.0, z_shift_mm=0.0)
 
 
@@ -53,12 +54,10 @@ def column_weights(n_from: int, to_columns: Coordinates, extent: float) -> spars
     return _matrix(np.mod(taps, n_from), weights, n_from)
 
 
-def resample(
-    image: Image, valid: Mask, rows: sparse.csr_array, columns: sparse.csr_array, *, at_least: float = 0.5
-) -> tuple[Image, Mask]:
+def resample(image: Image, valid: Mask, rows: sparse.csr_array, columns: sparse.csr_array) -> tuple[Image, Mask]:
     """Return (image, valid) on new rows and columns, from valid samples only.
 
-    A new sample is valid where the share ``at_least`` of it was observed; elsewhere the image is 0.
+    A new sample is valid where at least half of it was observed; elsewhere the image is 0.
     """
     # equally many taps for every column, so that they can be taken one after the other
     taps, weights = (part.reshape(columns.shape[0], -1).T for part in (columns.indices, columns.data))
@@ -68,7 +67,7 @@ def resample(
     first = rows.indptr[:-1][filled]
     reach = np.maximum.reduceat(rows.indices, first) - np.minimum.reduceat(rows.indices, first) if first.size else [0]
     image, valid = read_view(image.astype(np.float32, copy=False)), read_view(valid)
-    return _resampled(image, valid, across, down, int(np.max(reach)) + 1, np.float32(at_least - 1e-6))
+    return _resampled(image, valid, across, down, int(np.max(reach)) + 1)
 
 
 @compiled
@@ -78,7 +77,6 @@ def _resampled(
     across: tuple[NDArray[np.int32], Image],
     down: tuple[NDArray[np.int32], NDArray[np.int32], Image],
     n_held: int,
-    at_least: np.float32,
 ) -> tuple[Image, Mask]:
     """What :func:`resample` returns; the last ``n_held`` old rows are kept as they lie on the new columns."""
     starts, old_rows, down_weights = down
@@ -98,9 +96,9 @@ def _resampled(
                 total[column] += weight * value[column]
                 share[column] += weight * known[column]
         for column in range(n):
-            observed[row, column] = share[column] >= at_least
+            observed[row, column] = share[column] >= HALF
             mean = total[column] / share[column]
-            new[row, column] = mean if share[column] >= at_least else np.float32(0)
+            new[row, column] = mean if share[column] >= HALF else np.float32(0)
     return new, observed
 
 
@@ -187,15 +185,17 @@ class Placement:
 
     def image(self, image: Image, valid: Mask) -> tuple[Image, Mask]:
         """Return (image, valid) on the new grid, from valid samples only."""
-        image, valid = image[self._flip], valid[self._flip]
-        if self._rolled is not None:
-            image, valid = rolled(image, valid, self._rolled)
-        return resample(image, valid, self._rows, self._columns)
+        return resample(*self._in_order(image, valid), self._rows, self._columns)
 
-    def known(self, image: Image, valid: Mask, *, at_least: float = 0.5) -> Image:
-        """Return ``image`` on the new grid, NaN where less than the share ``at_least`` of a sample was observed."""
-        values, observed = resample(image[self._flip], valid[self._flip], self._rows, self._columns, at_least=at_least)
+    def known(self, image: Image, valid: Mask) -> Image:
+        """Return ``image`` on the new grid, NaN where less than half of a sample was observed."""
+        values, observed = resample(*self._in_order(image, valid), self._rows, self._columns)
         return np.where(observed, values, np.float32(np.nan))
+
+    def _in_order(self, image: Image, valid: Mask) -> tuple[Image, Mask]:
+        """Return (image, valid) with rows as they ascend in the new frame, each rolled by the bend of the alignment."""
+        image, valid = image[self._flip], valid[self._flip]
+        return (image, valid) if self._rolled is None else rolled(image, valid, self._rolled)
 
     def mask(self, mask: Mask, valid: Mask) -> tuple[Mask, Mask]:
         """Return (mask, valid) on the new grid.

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
+from endoct.base.doubt import Doubt
 from endoct.base.numeric.regions import Labels, label, label_in_order
 from endoct.fusion.result import Contradiction, WallSummary
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import BothSides, both_sides_of
+from endoct.fusion.wall.short_ends import doubt_of_short_ends
 from endoct.fusion.wall.wall import BY_BOTH, Wall, wall_from
 from endoct.stitching.grid import SurfaceGrid
 
@@ -158,11 +160,12 @@ def summary_of(cells: Sequence[WallCell], contradictions: tuple[Contradiction, .
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """The one wall of two sides, its cells, and what a result says of it."""
+    """The one wall of two sides, its cells, what a result says of it, and what it lets doubt of a side."""
 
     wall: Wall
     cells: tuple[WallCell, ...]
     summary: WallSummary
+    doubts: tuple[Doubt, ...]
 
 
 def join(placed: Placed) -> Joined | None:
@@ -174,4 +177,7 @@ def join(placed: Placed) -> Joined | None:
         return None
     wall = wall_from(sides)
     cells, names = cells_of(wall), (placed.sides[0].name, placed.sides[1].name)
-    return Joined(wall, cells, summary_of(cells, contradictions_of(sides, names)))
+    is_drawn = placed.both[sides.light_side].drawing is not None
+    doubt = None if is_drawn else doubt_of_short_ends(sides, names)
+    summary = summary_of(cells, contradictions_of(sides, names))
+    return Joined(wall, cells, summary, () if doubt is None else (doubt,))

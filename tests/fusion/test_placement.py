@@ -134,7 +134,9 @@ def test_a_bent_side_lies_where_its_alignment_puts_each_sample(mirrored: bool, z
     z_shift_mm = 1.9 if z_reversed else 0.0
     bend = Bend((0.94, 0.96), (0.0, 0.1), (0.0, 3 * turn), (0.0, 0.0), (0.0, 0.0))
     where = Alignment(5 * turn, z_shift_mm, 1.0, mirrored, z_reversed, bend=bend)
-    placed, known = Placement(b, where, common, 0.0).image(image, np.ones(b.shape, np.bool_))
+    placement, whole = Placement(b, where, common, 0.0), np.ones(b.shape, np.bool_)
+    placed, known = placement.image(image, whole)
+    assert np.array_equal(placement.known(image, whole), np.where(known, placed, np.nan), equal_nan=True)
     z_mm = where.z_to_a(b.z_mm)[:, None]
     row = np.rint(common.row_of(z_mm)).astype(int)
     column = np.rint(common.column_of(where.theta_to_a(b.theta_rad, b.z_mm[:, None]))).astype(int) % n

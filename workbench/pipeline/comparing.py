@@ -16,11 +16,11 @@ from endoct.base.files.files import check_unchanged, digests, path_text, state_o
 from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.files.session import check_sides, identity_of, read_session
-from endoct.fusion.files.store import COMPARISON_STORE, save_comparison, write_cells
+from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, save_comparison, write_cells
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
-from endoct.fusion.wall.cells import Joined, join, write_wall_cells
+from endoct.fusion.wall.cells import Joined, WallCell, join, write_wall_cells
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_notes, save_panorama
@@ -55,8 +55,6 @@ from endoct.workbench.sides.sources import (
 if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
     from endoct.workbench.requests import CompareRequest
 
-WALL_STORE = "wall.zarr"
-"""The store of the one wall of both sides in the folder of a comparison."""
 REPORT = "endoct.workbench.page.report", FIGURES
 """A report needs these modules. They bring matplotlib, so they are loaded while there is nothing else to do."""
 
@@ -112,6 +110,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
             folder.draw(placed)
         comparison = score_placed(placed, given.parameters)
         joined = join(placed)
+        wall = None if joined is None else joined.wall.as_panorama(placed)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
     give_back()
@@ -119,8 +118,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
-            if joined is not None:
-                folder.write_wall(joined, placed)
+            if joined is not None and wall is not None:
+                folder.write_wall(wall, joined.cells)
     notes = {
         side.name: (
             *side.panorama.notes,
@@ -129,7 +128,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         )
         for side in sides
     }
-    comparison = replace(comparison, result=_completed(comparison, joined, against, sides, given, notes, stages, start))
+    result = _completed(comparison, joined, against, sides, given, notes, stages, start)
+    comparison = replace(comparison, result=result, wall=wall)
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -164,7 +164,8 @@ def _completed(
     """Return the result with ``notes`` by side, what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
-    doubts = (*result.doubts, *doubts_of_drawings(sides, against))
+    of_sides = in_order((*result.doubts, *(() if joined is None else joined.doubts)), sides[0].name)
+    doubts = (*of_sides, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
         doubts = (doubt, *doubts)
     result = result.model_copy(update={"doubts": doubts, "wall": None if joined is None else joined.summary})
@@ -183,6 +184,11 @@ def _completed(
             "in all, before the report": round(time.perf_counter() - start, 3),
         },
     )
+
+
+def in_order(doubts: Sequence[Doubt], a: str) -> tuple[Doubt, ...]:
+    """Return ``doubts`` of the comparison before those of the side ``a``, and these before those of the other side."""
+    return tuple(sorted(doubts, key=lambda doubt: {None: 0, a: 1}.get(doubt.side, 2)))
 
 
 def notes_on_travel(side: Side, sides: tuple[Side, Side]) -> Iterator[str]:
@@ -252,10 +258,10 @@ class ComparisonFolder:
         write_drawings(against, comparison.grid, self.path)
         return {side.name: task.result() for side, task in zip(self.sides, self.stored, strict=True)}
 
-    def write_wall(self, joined: Joined, placed: Placed) -> None:
+    def write_wall(self, wall: Panorama, cells: Sequence[WallCell]) -> None:
         """Write the one wall of both sides, and its cells."""
-        save_panorama(joined.wall.as_panorama(placed), self.path / WALL_STORE)
-        write_wall_cells(joined.cells, self.path / "wall-cells.csv")
+        save_panorama(wall, self.path / WALL_STORE)
+        write_wall_cells(cells, self.path / "wall-cells.csv")
 
     def write_result(self, comparison: Comparison) -> None:
         """Write ``result.json``."""

@@ -13,12 +13,22 @@ import xarray
 
 from endoct.base.errors import EndoctError
 from endoct.base.zarr.zarr_store import Named, write_arrays
-from endoct.fusion.files.store import PROPERTIES, as_numbers, from_numbers, load_comparison, save_comparison
+from endoct.fusion.files.store import (
+    PROPERTIES,
+    WALL_STORE,
+    as_numbers,
+    from_numbers,
+    load_compared,
+    load_comparison,
+    save_comparison,
+)
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import save_panorama
 
 GRID = SurfaceGrid.full_circle(5, 8, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 SIDES = ("endoscope", "oct")
@@ -46,6 +56,20 @@ def test_a_comparison_survives_the_disk(store: Path) -> None:
     assert (found.names, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
     assert found.cells == (CELL, OTHER)
     assert found.grid == GRID
+
+
+def test_the_one_wall_is_that_of_the_folder_or_none(store: Path) -> None:
+    folder = store.parent
+    store.rename(folder / "comparison.zarr")
+    assert load_compared(folder).wall is None
+    plain, whole = np.ones(GRID.shape, np.float32), np.ones(GRID.shape, np.bool_)
+    save_panorama(Panorama(GRID, plain, plain / 4, whole, plain, "wall", True, True), folder / WALL_STORE)
+    wall = load_compared(folder).wall
+    assert wall is not None
+    assert (wall.modality, float(wall.depth_mm[3, 2])) == ("wall", 0.25)  # type: ignore[index]
+    (folder / WALL_STORE / "depth_mm" / "zarr.json").write_text("{}")
+    with pytest.raises(EndoctError):
+        load_compared(folder)
 
 
 def test_python_gives_what_xarray_reads(store: Path) -> None:

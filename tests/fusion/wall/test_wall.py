@@ -8,49 +8,28 @@ import numpy as np
 import pytest
 from bore_pairs import Pair
 from numpy.typing import NDArray
+from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
-from endoct.base.arrays import Mask
+from benchmarks.wall_planted import found as found_in
+from benchmarks.wall_planted import is_at, planted
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import DrawnMask, two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.wall.both_sides import BothSides, both_sides_of, cell_features
+from endoct.fusion.wall.both_sides import both_sides_of, cell_features
 from endoct.fusion.wall.cells import cells_of, contradictions_of, join, write_wall_cells
 from endoct.fusion.wall.network import answers
-from endoct.fusion.wall.wall import BY_BOTH, BY_DEPTH, BY_LIGHT, NOBODY, depth_features, known_depth, wall_from
-from endoct.stitching.grid import SurfaceGrid
+from endoct.fusion.wall.wall import (
+    BY_BOTH,
+    BY_DEPTH,
+    BY_LIGHT,
+    NOBODY,
+    cells_from,
+    depth_features,
+    known_depth,
+    wall_from,
+)
 from endoct.stitching.store import load_panorama, save_panorama
-
-GRID = SurfaceGrid.full_circle(150, 400, z0_mm=1.0, dz_mm=0.02, radius_mm=1.25)
-ROWS_MM = np.arange(0.0, 5.0, 0.2)
-NAMES = "endoscope", "oct"
-
-
-def disc(z_mm: float, theta_rad: float, radius_mm: float) -> Mask:
-    """Return a round cell, which may cross the seam."""
-    away = np.abs(np.mod(GRID.theta_rad - theta_rad + np.pi, 2 * np.pi) - np.pi) * GRID.radius_mm
-    return np.asarray(np.hypot(GRID.z_mm[:, None] - z_mm, away) < radius_mm)
-
-
-def sides(light: Mask, depth: Mask, relief_mm: NDArray[np.float64] | None = None, **changed: object) -> BothSides:
-    """Return what an endoscope and an OCT show of ``light`` and ``depth``: floors 0.3 mm deep, a little noise."""
-    noise = np.random.default_rng(0).normal(0, 0.004, GRID.shape)
-    relief = (np.where(depth, 0.3, 0.0) if relief_mm is None else relief_mm) + noise
-    nowhere = np.full(GRID.shape, np.nan, np.float32)
-    made = BothSides(
-        grid=GRID,
-        depth_side=1,
-        light_side=0,
-        cells=(light, depth),
-        observed=(np.ones(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)),
-        probability=np.where(light, 0.98, 0.02).astype(np.float32),
-        relief_mm=relief.astype(np.float32),
-        relief_in_cells_mm=np.where(depth, relief, np.nan).astype(np.float32),
-        parallax_mm=nowhere,
-        parallax_error_mm=nowhere,
-        from_row_mm=np.abs(GRID.z_mm[:, None] - ROWS_MM).min(axis=1),
-    )
-    return replace(made, **changed)  # type: ignore[arg-type]
 
 
 def test_what_both_show_is_the_wall_over_the_seam_too() -> None:
@@ -108,7 +87,6 @@ def test_depth_is_taken_by_parallax_where_none_was_measured() -> None:
         sides(cell, np.zeros(GRID.shape, np.bool_)),
         observed=(np.ones(GRID.shape, np.bool_), np.zeros(GRID.shape, np.bool_)),
         relief_mm=nowhere,
-        relief_in_cells_mm=nowhere,
         parallax_mm=np.where(cell, np.float32(0.4), np.float32(0)),
         parallax_error_mm=np.full(GRID.shape, 0.02, np.float32),
     )
@@ -129,27 +107,56 @@ def test_probabilities_bound_cells_at_a_half_and_errors_are_lengths(monkeypatch:
     wall = wall_from(sides(cell, cell))
     assert (wall.cells >= cell).all()
     assert np.median(wall.relief_mm[cell]) == pytest.approx(0.4, abs=0.01)  # 0.1 mm beyond what was measured
-    assert wall.error_mm[cell] == pytest.approx(1.2 * 0.05, rel=1e-5)
+    assert wall.error_mm[cell] == pytest.approx(1.35 * 0.05, rel=1e-5)
+
+
+def test_cells_of_under_a_hundredth_of_a_square_millimetre_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept, lost = disc(2.0, 1.0, 0.06), disc(3.0, 4.0, 0.053)  # 0.0113 and 0.0088 mm²
+    sample_mm2 = GRID.dz_mm * GRID.dtheta_mm
+    assert lost.sum() * sample_mm2 < 0.0098
+    assert 0.0102 < kept.sum() * sample_mm2 < 0.0125
+
+    monkeypatch.setattr("endoct.fusion.wall.wall.answers", lambda _, features: 99 * features[:1])  # cells of light
+    probability, cells = cells_from(sides(kept | lost, np.zeros(GRID.shape, np.bool_)))
+    assert np.array_equal(cells, kept)
+    assert np.array_equal(probability > 0.5, kept | lost)
 
 
 def test_features_are_those_that_the_networks_were_trained_on() -> None:
     cell, other = disc(2.5, 3.0, 0.4), disc(2.5, 3.0, 0.2)
     made = sides(cell, other)
-    features = cell_features(made)
-    assert features.shape == (6, *GRID.shape)
-    middle = features[:, 75, np.argmin(np.abs(GRID.theta_rad - 3.0))]
+    near, features = cell_features(made)
+    assert features.shape == (6, near.sum())
+    assert (near >= disc(2.5, 3.0, 0.68)).all()
+    assert not (near & ~disc(2.5, 3.0, 0.72)).any()  # 0.3 mm around it
+    middle_row, middle_column = 75, np.argmin(np.abs(GRID.theta_rad - 3.0))
+    middle = features[:, near[: middle_row + 1].sum() - near[middle_row, middle_column:].sum()]
     assert middle[0] == pytest.approx(0.3)  # capped
     assert middle[1] == pytest.approx(0.2, abs=0.03)
     assert middle[2] == pytest.approx(np.log(0.99 / 0.03), abs=1e-3)
     assert middle[3] == pytest.approx(0.3, abs=0.02)
     assert middle[4] == 1  # light covers all of depth's cell
     assert middle[5] == pytest.approx(0.25, abs=0.03)  # of light's cell depth covers a quarter
-    assert features[4:, 0, 0].tolist() == [1, 1]
+    assert features[4:, 0].tolist() == [1, 1]  # far from both
     of_depth = depth_features(made, other)
-    assert of_depth.shape == (7, other.sum())
-    assert of_depth[2].min() == 1
-    assert (of_depth[5:] == 0).all()  # no parallax
-    assert of_depth[4].max() <= 0.1 + 1e-6  # rows lie 0.2 mm apart
+    assert of_depth.shape == (16, other.sum())
+    assert of_depth[0] == pytest.approx(made.relief_mm[other])
+    assert of_depth[1].min() > 0
+    assert of_depth[1].max() == pytest.approx(0.2, abs=0.03)
+    assert of_depth[2].max() == pytest.approx(0.1, abs=1e-6)  # rows lie 0.2 mm apart
+    assert (of_depth[3:5] == 0).all()  # no parallax
+    assert (of_depth[5] == 1).all()
+    assert set(of_depth[7]) == {0, 1}
+    nearer, farther = of_depth[6:9], of_depth[9:12]
+    on_row = of_depth[2] < 0.001
+    assert nearer[0, on_row] == pytest.approx(of_depth[0, on_row])
+    assert (nearer[1, on_row] == 1).all()
+    median_mm, high_mm, is_known, radius_mm = of_depth[12:]
+    assert median_mm == pytest.approx(0.3, abs=0.002)
+    assert 0.303 < high_mm[0] < 0.308  # the ninth decile of noise of 4 µm
+    assert (is_known == 1).all()
+    assert radius_mm == pytest.approx(0.2, abs=0.005)
+    assert farther[1].mean() < nearer[1].mean()  # the farther row often lies beyond the cell
 
 
 def test_a_sample_is_answered_alike_among_many() -> None:
@@ -159,7 +166,7 @@ def test_a_sample_is_answered_alike_among_many() -> None:
     assert together.shape == (1, 70_000)
     assert together.min() < 0 < together.max()
     assert answers("cell", features[:, 65_530:65_540]) == pytest.approx(together[:, 65_530:65_540], abs=1e-4)
-    assert answers("depth", np.zeros((7, 3), np.float32)).shape == (2, 3)
+    assert answers("depth", np.zeros((16, 3), np.float32)).shape == (2, 3)
 
 
 def test_cells_have_area_volume_and_errors(tmp_path: Path) -> None:
@@ -205,8 +212,22 @@ def test_what_both_are_sure_of_and_disagree_about_is_found() -> None:
     assert first.z_mm == pytest.approx(2.5, abs=0.011)
     both_see = sides(stain | fluid, stain | fluid)
     assert contradictions_of(both_see, NAMES) == ()
-    far = replace(made, from_row_mm=np.full(GRID.n_z, 0.1))
+    far = replace(made, rows=replace(made.rows, z_mm=ROWS_MM[5:20] + 5.0))
     assert contradictions_of(far, NAMES) == ()  # no measured row speaks of them
+
+
+def test_contradictions_planted_into_a_pair_are_found_where_they_are(pair: Pair) -> None:
+    plain = place_sides(*two_sides(pair.a, pair.b), CompareParameters())
+    a, b, plants = planted(pair.a, pair.b, plain, 0)
+    kinds = ["fluid", "painted", "shadow", "stain"]
+    assert sorted(plant.kind for plant in plants) == kinds
+    for placed, there in ((plain, []), (place_sides(*two_sides(a, b), CompareParameters()), kinds)):
+        light, depth = placed.cells
+        sure = replace(light, probability=np.where(light.mask, 0.98, 0.02).astype(np.float32))  # this pair has no eye
+        found = found_in(replace(placed, cells=(sure, depth)))
+        of = [[plant.kind for plant in plants if is_at(plant, each, pair.a.grid.radius_mm)] for each in found]
+        assert sorted(kind for one in of for kind in one) == there
+        assert [] not in of
 
 
 def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_path: Path) -> None:
@@ -228,6 +249,27 @@ def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_pat
     assert np.array_equal(read.depth_mm[known], joined.wall.relief_mm[known])  # type: ignore[index]
 
 
+def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> None:
+    placed = place_sides(*two_sides(pair.a, pair.b), CompareParameters())
+    made = both_sides_of(placed)
+    assert made is not None
+    depth, rows, where = placed.both[1], made.rows, placed.samplings[1].where
+    assert rows.z_mm == pytest.approx(where.z_to_a(depth.panorama.z_mm))
+    columns = np.rint(placed.grid.column_of(where.theta_to_a(depth.panorama.grid.theta_rad))).astype(int)
+    columns %= placed.grid.n_theta
+    assert np.nanmedian(np.abs(rows.relief_mm[:, columns] - depth.relief.values)) < 0.005  # type: ignore[union-attr]
+    own = placed.cells[1].mask
+    assert rows.cells[:, columns][own].mean() > 0.95
+    assert rows.cells[:, columns][~own].mean() < 0.05
+    light = depth.panorama.intensity
+    sigma = 1.4826 * np.median(np.abs(light[~own] - np.median(light[~own])))
+    expected = np.clip((light - np.median(light[~own])) / sigma, -8, 4)
+    assert np.median(np.abs(rows.brightness[:, columns] - expected)) < 0.5  # columns lie up to half of one aside
+    assert np.corrcoef(rows.brightness[:, columns].ravel(), expected.ravel())[0, 1] > 0.7
+    nearer, farther = rows.beside(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
+    assert (nearer.tolist(), farther.tolist()) == ([3, 4, 6], [2, 5, 5])
+
+
 def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) -> None:
     parameters = CompareParameters()
     placed = place_sides(*two_sides(pair.a, pair.b), parameters)
@@ -235,5 +277,17 @@ def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) 
     assert join(replace(placed, outcome=replace(placed.outcome, alignment=None))) is None
     for alone in (pair.a, pair.b):
         assert join(place_sides(*two_sides(alone, alone), parameters)) is None
-    drawn = DrawnMask(pair.b.grid, placed.cells[1].mask, "me", "1", pair.b)
-    assert join(place_sides(*two_sides(drawn, pair.b), parameters)) is None
+    drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
+    assert join(place_sides(*two_sides(drawn, pair.a), parameters)) is None
+
+
+def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair) -> None:
+    drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
+    placed = place_sides(*two_sides(drawn, pair.b), CompareParameters())
+    joined = join(placed)
+    assert joined is not None
+    assert joined.doubts == ()
+    both = placed.sides[0].valid & placed.sides[1].valid
+    assert jaccard(joined.wall.cells & both, placed.sides[0].mask & both, both) > 0.95  # type: ignore[operator]
+    panorama = joined.wall.as_panorama(placed)
+    assert (panorama.intensity == 1).all()

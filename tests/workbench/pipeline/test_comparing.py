@@ -1,13 +1,14 @@
-"""A comparison whose direction of z rests on a default says so, from either side."""
+"""What a comparison says of its sides: that the direction of z rests on a default, and doubts in their order."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import DrawnMask, Side
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.pipeline.comparing import notes_on_travel
+from endoct.workbench.pipeline.comparing import in_order, notes_on_travel
 from endoct.workbench.sides.recordings import TRAVEL_BY_DEFAULT
 
 GRID = SurfaceGrid.full_circle(2, 8, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
@@ -49,3 +50,8 @@ def test_a_mask_that_was_drawn_on_the_other_side_states_nothing() -> None:
     sides = Side("mask", drawn.panorama, drawn), recorded
     assert drawn.panorama.travel_known
     assert len(list(notes_on_travel(recorded, sides))) == 1
+
+
+def test_doubts_of_the_comparison_come_first_then_those_of_a_in_the_order_they_came_in() -> None:
+    given = [Doubt("one", "x", "b"), Doubt("two", "x", "a"), Doubt("three", "x"), Doubt("four", "x", "a")]
+    assert [doubt.code for doubt in in_order(given, "a")] == ["three", "two", "four", "one"]

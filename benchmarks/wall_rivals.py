@@ -1,0 +1,84 @@
+"""Plain ways to join both sides, or to fill the gaps between the rows of one: what the one wall is held against."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.distance import signed_distance
+from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, MeasuredRows
+from endoct.stitching.grid import SurfaceGrid
+
+APART_MM, ACROSS = 0.05, 2
+"""Kriging takes so many columns on either side, so far apart, of two rows on either side."""
+
+
+def joined(sides: BothSides, believed: int) -> dict[str, Mask]:
+    """Return the cells by every rival, by its name; ``believed`` is the side of which endoct doubts less."""
+    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
+    sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
+    of_rows = (sides.rows.cells > 0.5).astype(np.float32)
+    return {
+        "endoscope": light,
+        "OCT": depth,
+        "believed": sides.cells[believed],
+        "union": light | depth,
+        "intersection": light & depth,
+        "mean of distances": sum(signed_distance(each, sample_mm, FARTHEST_MM) for each in (light, depth)) > 0,
+        "STAPLE": staple(light, depth, sides.observed[0] & sides.observed[1]),
+        "OCT, linear": linear(of_rows, sides.rows, sides.grid) > 0.5,
+        "OCT, kriged": kriged(of_rows, sides.rows, sides.grid) > 0.5,
+    }
+
+
+def staple(one: Mask, other: Mask, both: Mask) -> Mask:
+    """Return what Warfield's STAPLE makes of two raters (Warfield 2004), by SimpleITK."""
+    import SimpleITK as sitk
+
+    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in (one, other)]
+    return np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5)
+
+
+def linear(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:
+    """Return ``image`` on measured rows, (n_rows, n_theta), interpolated linearly on the rows of ``grid``."""
+    near, far = rows.beside(grid.z_mm)
+    share = np.clip((grid.z_mm - rows.z_mm[near]) / (rows.z_mm[far] - rows.z_mm[near]), 0, 1)[:, np.newaxis]
+    return np.asarray(image[near] * (1 - share) + image[far] * share, np.float32)
+
+
+def kriged(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:
+    """Return ``image`` on measured rows by ordinary kriging, with a covariance that falls off exponentially.
+
+    Its range is where the correlation along θ falls to 1/e, its nugget what is lost within one column. Samples that are
+    not known count for nothing.
+    """
+    known = np.isfinite(image)
+    range_mm, nugget = _course(np.where(known, image, image[known].mean()), grid.dtheta_mm)
+    step = max(1, round(APART_MM / grid.dtheta_mm))
+    offsets = step * np.arange(-ACROSS, ACROSS + 1)
+    near, far = rows.beside(grid.z_mm)
+    total, weight = np.zeros(grid.shape, np.float32), np.zeros(grid.shape, np.float32)
+    filled = np.where(known, image, np.float32(0))
+    for i, z_mm in enumerate(grid.z_mm):
+        first, last = sorted((near[i], far[i]))
+        of_rows = np.arange(max(first - 1, 0), min(last + 2, rows.z_mm.size))
+        at_z, at_arc = (a.ravel() for a in np.meshgrid(rows.z_mm[of_rows], offsets * grid.dtheta_mm, indexing="ij"))
+        apart_mm = np.hypot(at_z[:, None] - at_z, at_arc[:, None] - at_arc)
+        system = np.ones((at_z.size + 1, at_z.size + 1))
+        system[:-1, :-1] = (1 - nugget) * np.exp(-apart_mm / range_mm) + nugget * np.eye(at_z.size)
+        system[-1, -1] = 0
+        wanted = np.append((1 - nugget) * np.exp(-np.hypot(at_z - z_mm, at_arc) / range_mm), 1.0)
+        weights = np.linalg.solve(system, wanted)[:-1].reshape(of_rows.size, offsets.size)
+        for k, row in enumerate(of_rows):
+            for m, offset in enumerate(offsets):
+                total[i] += np.float32(weights[k, m]) * np.roll(filled[row], -offset)
+                weight[i] += np.float32(weights[k, m]) * np.roll(known[row], -offset)
+    return np.where(weight > 0.5, total / np.where(weight > 0.5, weight, 1), np.float32(np.nan))
+
+
+def _course(image: NDArray[np.floating], step_mm: float) -> tuple[float, float]:
+    """Return the range in mm and the nugget of the covariance of ``image`` along θ."""
+    spectrum = np.abs(np.fft.rfft(image - image.mean(), axis=1)) ** 2
+    correlation = np.fft.irfft(spectrum.sum(axis=0), image.shape[1])
+    correlation /= correlation[0] or 1.0
+    below = np.flatnonzero(correlation[: image.shape[1] // 2] < np.exp(-1))
+    return max(1, below[0] if below.size else 1) * step_mm, float(np.clip(1 - correlation[1], 0.001, 0.5))
