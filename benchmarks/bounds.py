@@ -15,6 +15,7 @@ import json
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -89,9 +90,9 @@ def _short(value: Any) -> Any:
 def pack(folder: Path, into: Path) -> None:
     """Write the specimens in ``folder`` as what comparisons are calibrated by."""
     rows = kept(folder)
-    by = f"simulated specimens of two generators: {', '.join(sorted({row['set'] for row in rows}))}"
+    by = "simulated specimens of two generators"
     lines = ",\n".join(json.dumps(_short(row)) for row in rows)
-    into.write_text(f'{{"by": {json.dumps(by)}, "specimens": [\n{lines}\n]}}\n')
+    into.write_text(f'{{"by": {json.dumps(by)}, "made": "{date.today()}", "specimens": [\n{lines}\n]}}\n')
 
 
 def table(rows: Sequence[Row], by: Calibration) -> Iterator[str]:

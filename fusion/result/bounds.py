@@ -73,10 +73,10 @@ class Bounds(Part):
     def sentence(self) -> str:
         """What to expect of this specimen, in a sentence."""
         indices = ", ".join(f"{each.of} {each.text()}" for each in (self.light, self.depth, self.wall))
-        held = (
-            "nothing is promised"
-            if self.light.low is None or self.level is None
-            else f"each holds in {self.level:.0%} of such specimens"
-        )
+        held = "nothing is promised"
+        if self.light.low is not None and self.level is not None:
+            held = f"each holds in {self.level:.0%} of such specimens"
+        elif self.alike is not None:
+            held += f", as it is unlike the {self.specimens} {self.calibrated_by} (p = {self.alike:.2f})"
         area = f"{self.area_mm2.text(1)} mm² of cells"
         return f"Jaccard index to expect against the truth: {indices}; {area}; {held}."

@@ -155,12 +155,12 @@ def _unit(name: str, expected: Bounds) -> float:
     return expected.spread * (expected.area_mm2.expected if name == AREA else 1.0)
 
 
-def likeness(one: Bounds, others: Sequence[Bounds]) -> float:
-    """Return how probable it is that a specimen of the kind of ``others`` is so unlike them as ``one`` is, over 0 to 1.
+def likeness(specimen: Bounds, others: Sequence[Bounds]) -> float:
+    """Return how probable it is that one of the kind of ``others`` is so unlike them as ``specimen`` is, over 0 to 1.
 
     Each is as unlike as its nearest neighbours among all are far. With n others, that is no less than 1/(n + 1).
     """
-    places = np.array([_place(each) for each in (*others, one)])
+    places = np.array([_place(each) for each in (*others, specimen)])
     spread = places.std(axis=0)
     places = places / np.where(spread > 0, spread, 1)
     far = np.sqrt(((places[:, np.newaxis] - places) ** 2).sum(axis=-1))
@@ -176,11 +176,14 @@ def _place(of: Bounds) -> Coordinates:
     return np.concatenate([np.log((indices + 0.005) / (1.005 - indices)), np.log(np.maximum(features, 1e-3))])
 
 
-def doubts_of_bounds(bounds: Bounds | None) -> Iterator[Doubt]:
-    """Yield the doubts about an error that is not bounded, or within wide bounds only."""
+def doubts_of_bounds(bounds: Bounds | None, *, asked: bool) -> Iterator[Doubt]:
+    """Yield the doubts about an error within wide bounds only, and if that was ``asked`` for, about one without any.
+
+    No simulated specimen is quite like bone: that those packaged promise nothing for it speaks not against it.
+    """
     if bounds is None:
         return
-    if bounds.alike is not None and bounds.alike <= (least := least_alike(bounds.specimens or 0)):
+    if asked and bounds.alike is not None and bounds.alike <= (least := least_alike(bounds.specimens or 0)):
         what = (
             f"How far off its cells are is not promised: this specimen is unlike the {bounds.specimens} by which that "
             f"was calibrated ({bounds.calibrated_by}; p = {bounds.alike:.2f})."

@@ -138,7 +138,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         for side in sides
     }
     bounds = None if joined is None else bounds_of(placed, joined, comparison.result, by)
-    doubts = (*doubts_of_bounds(bounds), *comparison.doubts)
+    doubts = (*doubts_of_bounds(bounds, asked=by is not None), *comparison.doubts)
     joint = {"wall": None if joined is None else joined.summary, "bounds": bounds, "doubts": doubts}
     comparison = replace(comparison, result=comparison.result.model_copy(update=joint))
     comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))

@@ -93,10 +93,11 @@ def test_a_specimen_of_another_kind_has_no_bounds_but_a_doubt() -> None:
     other = bounded(specimen(rng, cell_mm2=0.02), by)
     assert other.alike == pytest.approx(1 / 31)
     assert (other.light.low, other.light.high) == (None, None)
-    (doubt,) = doubts_of_bounds(other)
+    assert list(doubts_of_bounds(other, asked=False)) == []  # nobody said that those should be of its kind
+    (doubt,) = doubts_of_bounds(other, asked=True)
     assert codes_of([doubt]) == ["error-not-bounded"]
     assert "unlike the 30" in doubt.what
-    assert "nothing is promised" in other.sentence
+    assert other.sentence.endswith("nothing is promised, as it is unlike the 30 others (p = 0.03).")
     steady = [
         each.expected.model_copy(update={"light": Bounded(of="", expected=0.9 + k / 1e4)})
         for k, each in enumerate(by.known)
@@ -107,15 +108,17 @@ def test_a_specimen_of_another_kind_has_no_bounds_but_a_doubt() -> None:
     of_nine = likeness(specimen(rng, light=0.3), [each.expected for each in by.known[:9]])
     assert of_nine == pytest.approx(0.1)  # nine cannot say more
     assert bounded(specimen(rng, light=0.3), Calibration("", by.known[:9])).light.low is None
-    assert list(doubts_of_bounds(None)) == []
+    assert list(doubts_of_bounds(None, asked=True)) == []
 
 
 def test_wide_bounds_are_a_doubt_of_their_side() -> None:
     rng = np.random.default_rng(4)
     by = Calibration("", [Known(specimen(rng), {"light": 0.75, "depth": 0.84}) for _ in range(30)])
     one = bounded(by.known[0].expected, by)
-    assert [(doubt.code, doubt.side) for doubt in doubts_of_bounds(one)] == [("error-uncertain", "endoscope")]
-    assert codes_of(doubts_of_bounds(one))
+    assert [(doubt.code, doubt.side) for doubt in doubts_of_bounds(one, asked=True)] == [
+        ("error-uncertain", "endoscope")
+    ]
+    assert codes_of(doubts_of_bounds(one, asked=False))
     assert "endoscope 0.90 (0.75–1.00), oct 0.85 (0.84–0.86), wall 0.95; 10.0 mm²" in one.sentence
     assert one.sentence.endswith("each holds in 90% of such specimens.")
 

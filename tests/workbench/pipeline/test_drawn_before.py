@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
+from bore_pairs import make_pair
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Bounded, Bounds, Consensus, Features, MaskScores, Raters, Result, StoredAlignment
-from endoct.workbench import summarise
+from endoct.workbench import compare, summarise
 from endoct.workbench.pipeline.drawn_before import calibration_by
 
 FEATURES = Features(
@@ -77,6 +78,21 @@ def test_what_says_nothing_of_the_error_is_refused_by_name(
     assert str(tmp_path / "odd") in str(raised.value)
     with pytest.raises(EndoctError, match="9 or more"):
         calibration_by(folders)
+
+
+def test_a_comparison_is_bounded_by_those_that_it_names(tmp_path: Path) -> None:
+    pair = make_pair()
+    folders = [write(tmp_path / f"s{k}", {"mask.png": scores(0.7, 0.6)}) for k in range(9)]
+    result = compare(pair.a, pair.b, known=folders, progress=False).result
+    assert result.bounds is not None
+    assert (result.bounds.calibrated_by, result.bounds.specimens) == ("9 specimens with drawn masks", 9)
+    assert result.bounds.alike == pytest.approx(0.1)  # nine that are all the same
+    assert result.bounds.light.low is None
+    assert result.doubts[0].code == "error-not-bounded"
+    assert str(folders[3] / "result.json") in result.inputs
+    assert str(folders[0]) not in str(compare(pair.a, pair.b, progress=False).result.inputs)
+    with pytest.raises(EndoctError, match="9 or more"):
+        compare(pair.a, pair.b, known=folders[:8])
 
 
 def test_what_is_expected_is_a_row_of_a_summary(tmp_path: Path) -> None:
