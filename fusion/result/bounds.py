@@ -2,6 +2,9 @@
 
 from endoct.fusion.result.scores import Count, Number, Part
 
+LEAST_SPREAD = 0.01
+"""However sure the wall is, truths lie this far from it."""
+
 
 class Bounded(Part):
     """A figure of ``of``, a side or the wall, as the truth is expected to give it, and its bounds.
@@ -67,7 +70,7 @@ class Bounds(Part):
     @property
     def spread(self) -> float:
         """How far truths may lie from what is expected, relative to other specimens."""
-        return 1.0 - self.wall.expected + self.features.alignment
+        return max(1.0 - self.wall.expected + self.features.alignment, LEAST_SPREAD)
 
     @property
     def sentence(self) -> str:

@@ -75,7 +75,7 @@ def expected_of(placed: Placed, joined: Joined, result: Result) -> Bounds | None
         return None
     seen = np.isfinite(contrast)
     of_cells, of_plain = contrast[told & seen], contrast[plain & seen]
-    if not of_cells.size or not of_plain.any():
+    if not of_cells.size or not of_plain.size or not of_plain.std():
         return None
     sample_mm2 = wall.grid.dz_mm * wall.grid.dtheta_mm
     cell_mm2 = np.count_nonzero(cells) * sample_mm2
@@ -171,7 +171,7 @@ def likeness(specimen: Bounds, others: Sequence[Bounds]) -> float:
 
 def _place(of: Bounds) -> Coordinates:
     """Return the place of a specimen among others: the odds of its indices, and the logarithms of its features."""
-    indices = np.array([of.light.expected, of.depth.expected, of.wall.expected])
+    indices = np.clip([of.light.expected, of.depth.expected, of.wall.expected], 0, 1)
     features = np.array([getattr(of.features, name) for name in Features.model_fields])
     return np.concatenate([np.log((indices + 0.005) / (1.005 - indices)), np.log(np.maximum(features, 1e-3))])
 

@@ -66,6 +66,9 @@ def test_bounds_are_wider_where_the_wall_is_less_sure_or_the_alignment_costs_mor
     unsure = sure.model_copy(update={"wall": Bounded(of="wall", expected=0.9)})
     loose = sure.model_copy(update={"features": sure.features.model_copy(update={"alignment": 0.15})})
     assert (sure.spread, unsure.spread, loose.spread) == pytest.approx((0.1, 0.15, 0.2))
+    certain = sure.model_copy(update={"wall": Bounded(of="wall", expected=1.0)})
+    of_certain = certain.features.model_copy(update={"alignment": 0.0})
+    assert certain.model_copy(update={"features": of_certain}).spread == 0.01
     monotone = [
         bounded(each, replace(by, known=[Known(each, {"light": 0.9})] * 3 + by.known)) for each in (sure, unsure)
     ]
