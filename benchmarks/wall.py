@@ -83,8 +83,8 @@ def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, 
     return Known(name, seed, sides, believed, true, onto.known(relief_mm, np.isfinite(relief_mm)))
 
 
-def specimen(name: str, seed: int) -> tuple[Panorama, Panorama, Mask, Image]:
-    """Return both sides of a new specimen, unrolled, and its true cells and relief on the samples of the endoscope."""
+def recorded(name: str, seed: int) -> tuple[Panorama, Panorama, Mask, Image]:
+    """Make a specimen; return both sides unrolled, with the true cells and relief on the samples of the first."""
     with TemporaryDirectory() as scratch:
         folder = Path(scratch) / "specimen"
         if name in PRESETS:
@@ -96,16 +96,14 @@ def specimen(name: str, seed: int) -> tuple[Panorama, Panorama, Mask, Image]:
         if name in PRESETS:
             truth = load_truth(folder)
             pose = true_pose(a, truth)
-            cell, relief_mm = true_cells(truth, pose, a), true_relief(truth, pose, a)
-        else:
-            grid = a.grid
-            empty = np.zeros(grid.shape, np.bool_)
-            wall = JudgedWall(a.intensity, empty, a.valid, grid.z_mm, grid.theta_rad)
-            place, _ = measured_place(pair.bore, wall, pair.endoscope_place)
-            theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
-            cell = pair.bore.is_cell(theta, z)
-            relief_mm = np.asarray(pair.bore.at(pair.bore.relief_mm, theta, z), np.float32)
-    return a, b, cell, relief_mm
+            return a, b, true_cells(truth, pose, a), true_relief(truth, pose, a)
+    grid = a.grid
+    empty = np.zeros(grid.shape, np.bool_)
+    wall = JudgedWall(a.intensity, empty, a.valid, grid.z_mm, grid.theta_rad)
+    place, _ = measured_place(pair.bore, wall, pair.endoscope_place)
+    theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
+    relief_mm = np.asarray(pair.bore.at(pair.bore.relief_mm, theta, z), np.float32)
+    return a, b, pair.bore.is_cell(theta, z), relief_mm
 
 
 def made(name: str, seed: int, into: Path) -> str:
@@ -113,7 +111,7 @@ def made(name: str, seed: int, into: Path) -> str:
     path = into / f"{name}-{seed}.pkl"
     if path.exists():
         return f"{path.name} is there"
-    known = known_of(*specimen(name, seed), name, seed)
+    known = known_of(*recorded(name, seed), name, seed)
     if known is None:
         return f"{path.name}: not aligned"
     keep(known, path)

@@ -80,7 +80,7 @@ def compare(request: CompareRequest) -> "Comparison":
     """
     check_device(request.device)
     recorded = [Path(side) for side in (request.a, request.b) if not isinstance(side, Panorama)]
-    also = [Path(path) for path in (*request.truth, request.session) if path is not None]
+    also = [Path(path) for path in (*request.truth, *request.known, request.session) if path is not None]
     stages = stages_for(request.progress)
     with (
         output_if_any(request.output, COMPARISON, overwrite=request.overwrite, inputs=[*recorded, *also]) as folder,

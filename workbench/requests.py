@@ -124,6 +124,7 @@ class CompareRequest:
             specimen's truth folder
         session: file with landmark pairs, as the page of `endoct serve` saves it: some correct the alignment by hand,
             the others check it
+        known: comparisons of nine or more other specimens with --truth, by which the error of this one is bounded
         modality_a: plug-in to read side A with
         modality_b: plug-in to read side B with
         recipe: settings by one word; paper: the chain of Laves et al. 2019, for both sides and the comparison. What is
@@ -143,6 +144,7 @@ class CompareRequest:
     _: KW_ONLY
     truth: Paths = ()
     session: Annotated[AnyPath | None, UNSET] = None
+    known: Paths = ()
     modality_a: ModalityName = None
     modality_b: ModalityName = None
     recipe: Recipe = None

@@ -1,5 +1,6 @@
 """The result of a comparison as types; only they know the keys of ``result.json``."""
 
+from endoct.fusion.result.bounds import Bounded, Bounds, Features
 from endoct.fusion.result.result import (
     Believable,
     Bootstrap,
@@ -52,6 +53,8 @@ __all__ = [
     "Believable",
     "Bootstrap",
     "BoundaryScores",
+    "Bounded",
+    "Bounds",
     "Budget",
     "BudgetPart",
     "BudgetParts",
@@ -65,6 +68,7 @@ __all__ = [
     "Distances",
     "DrawnBy",
     "Drift",
+    "Features",
     "Interval",
     "Limits",
     "Line",

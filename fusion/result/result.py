@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, InstanceOf, PlainSerializer, model_
 from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment, Bend
+from endoct.fusion.result.bounds import Bounds
 from endoct.fusion.result.scores import (
     Budget,
     ByLi,
@@ -263,6 +264,7 @@ class Result(Part):
         question does not arise.
     scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
     wall: of both sides joined; None where they are not aligned, or not one measures depth and the other sees light.
+    bounds: what the truth would say of the cells of both, within what bounds; None where there is no ``wall`` of them.
     valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
     doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
         side, which are read as doubts without a code of their own.
@@ -288,6 +290,7 @@ class Result(Part):
     scores: PairScores | None = None
     budget: Budget | None = None
     wall: WallSummary | None = None
+    bounds: Bounds | None = None
     bootstrap: Bootstrap | None = None
     valid_fraction: Number
     overlap_mm: Number | None = None

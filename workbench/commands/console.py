@@ -53,6 +53,8 @@ def print_result(folder: Path, *, as_json: bool, strict: bool = False) -> int:
     else:
         print_line(f"not aligned: {result.reason}")
     if not as_json:
+        if result.bounds is not None:
+            print_line(result.bounds.sentence)
         for line in _against_truth(result):
             print_line(line)
         print_doubts(result.doubts, result.notes)

@@ -20,10 +20,12 @@ from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, save_compari
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Result
 from endoct.fusion.sides import Comparison, Placed
-from endoct.fusion.wall.cells import Joined, WallCell, join, write_wall_cells
+from endoct.fusion.wall.bounds import bounds_of, doubts_of_bounds
+from endoct.fusion.wall.cells import WallCell, join, write_wall_cells
 from endoct.modalities.acquisition import validate
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import save_notes, save_panorama
+from endoct.workbench.pipeline.drawn_before import calibration_by
 from endoct.workbench.pipeline.hand_masks import (
     Against,
     check_truth,
@@ -64,17 +66,22 @@ Pictured = Unrolled | Path | None
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What a request states, read: both sources, parameters of the comparison, files of truth, and a session."""
+    """What a request states, read: both sources, parameters of the comparison, files of truth, and a session.
+
+    ``known``: folders of comparisons of other specimens, of which masks were given as truth.
+    """
 
     sources: tuple[Source, Source]
     parameters: CompareParameters
     truth: tuple[Path, ...]
     session: Path | None
+    known: tuple[Path, ...] = ()
 
     @property
     def also(self) -> tuple[Path, ...]:
         """The files that are read in addition to the sources."""
-        return self.truth if self.session is None else (*self.truth, self.session)
+        drawn = (*self.truth, *(folder / "result.json" for folder in self.known))
+        return drawn if self.session is None else (*drawn, self.session)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -96,6 +103,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     for path in given.truth:
         check_truth(path)
     landmarks = None if given.session is None else read_session(given.session)
+    by = calibration_by(given.known) if given.known else None
     ready = unroll_sources(opened, stages, scheduler, meanwhile=() if output is None else REPORT)
     a, b = read_sides(ready)
     sides = a, b
@@ -128,8 +136,16 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         )
         for side in sides
     }
-    result = _completed(comparison, joined, against, sides, given, notes, stages, start)
-    comparison = replace(comparison, result=result, wall=wall)
+    bounds = None if joined is None else bounds_of(placed, joined, comparison.result, by)
+    of_wall = () if joined is None else joined.doubts
+    found = in_order((*comparison.result.doubts, *of_wall), a.name)
+    joint = {
+        "wall": None if joined is None else joined.summary,
+        "bounds": bounds,
+        "doubts": (*doubts_of_bounds(bounds, asked=by is not None), *found),
+    }
+    comparison = replace(comparison, result=comparison.result.model_copy(update=joint), wall=wall)
+    comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)
         with stages.stage("report"):
@@ -148,12 +164,12 @@ def _given(request: "CompareRequest") -> Given:
         source_of(request.b, request.modality_b, request.settings_b, request.device, request.recipe),
     )
     session = None if request.session is None else Path(request.session)
-    return Given(sources, parameters, tuple(Path(path) for path in request.truth), session)
+    truth, known = (tuple(map(Path, paths)) for paths in (request.truth, request.known))
+    return Given(sources, parameters, truth, session, known)
 
 
 def _completed(
     comparison: Comparison,
-    joined: Joined | None,
     against: Against,
     sides: tuple[Side, Side],
     given: Given,
@@ -164,11 +180,10 @@ def _completed(
     """Return the result with ``notes`` by side, what it states of its inputs, and of the seconds since ``start``."""
     of_a, of_b = (inputs_of(source, side) for source, side in zip(given.sources, sides, strict=True))
     result = comparison.result
-    of_sides = in_order((*result.doubts, *(() if joined is None else joined.doubts)), sides[0].name)
-    doubts = (*of_sides, *doubts_of_drawings(sides, against))
+    doubts = (*result.doubts, *doubts_of_drawings(sides, against))
     if comparison.alignment is not None and (doubt := _doubt_of_inputs(of_a, of_b)):
         doubts = (doubt, *doubts)
-    result = result.model_copy(update={"doubts": doubts, "wall": None if joined is None else joined.summary})
+    result = result.model_copy(update={"doubts": doubts})
     return result.completed(
         truth=against.truth,
         raters=against.raters,

@@ -11,7 +11,7 @@ import numpy as np
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text, spreadsheet_text
 from endoct.fusion.files.result_file import EXPECTED, read_result
-from endoct.fusion.result import PairScores, Result
+from endoct.fusion.result import Bounded, PairScores, Result
 from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of, repeatability
 from endoct.workbench.running.outputs import json_text
@@ -34,6 +34,16 @@ def _of(part: Callable[[Result], P | None], value: Callable[[P], Value]) -> Scor
 
 def _of_scores(part: Callable[[PairScores], P | None], value: Callable[[P], Value]) -> Score:
     return _of(lambda result: part(result.scores) if result.scores else None, value)
+
+
+def _expected(figure: str) -> Score:
+    def value(result: Result) -> Value:
+        of: Bounded | None = getattr(result.bounds, figure, None)
+        if of is None:
+            return None, None
+        return of.expected, None if of.low is None or of.high is None else (of.low, of.high)
+
+    return value
 
 
 def _lost_to(cause: str) -> Score:
@@ -70,6 +80,7 @@ SCORES: Mapping[str, Score] = {
     "area_bias_mm2": _of_scores(lambda scores: scores.area_mm2, lambda of: (of.bias, of.bias_interval)),
     "depth_bias_mm": _of_scores(lambda scores: scores.depth_mm, lambda of: (of.bias, of.bias_interval)),
     **{f"lost_to_{cause}": _lost_to(cause) for cause in PARTS},
+    **{f"expected_{figure}": _expected(figure) for figure in ("light", "depth", "wall", "area_mm2")},
     "confidence": _of(lambda result: result.alignment, lambda alignment: (alignment.confidence, None)),
     "valid_fraction": lambda result: (result.valid_fraction, None),
     "overlap_mm": lambda result: (result.overlap_mm, None),

@@ -50,7 +50,8 @@ def verdict_of(result: Result) -> Verdict:
         headline = f"{by_hand_headline(result.by_hand)} {agree}"
         return Verdict("doubted", headline, (*by_hand_sentences(result.by_hand), how))
     checked = () if result.by_hand is None else by_hand_sentences(result.by_hand)
-    sentences = (f"Aligned {strength(alignment)}", *checked, how)
+    expected = () if result.bounds is None else (result.bounds.sentence,)
+    sentences = (*expected, f"Aligned {strength(alignment)}", *checked, how)
     if result.doubts or result.forced:
         doubts = f"{count_doubts(result.doubts)}. " if result.doubts else ""
         return Verdict("doubted", f"{doubts}{'Alignment forced' if result.forced else 'Aligned'}. {agree}", sentences)
