@@ -138,8 +138,11 @@ def waves(theta_rad: Coordinates) -> Coordinates:
     return np.ascontiguousarray(harmonics(theta_rad, range(1, WAVES + 1)).T)
 
 
-def equations(of: Level, fit: Bending) -> Equations | None:
-    """Return the equations of a step from ``fit``; None where the two hardly overlap or one is constant there."""
+def equations(of: Level, fit: Bending, z_scale_range: tuple[float, float]) -> Equations | None:
+    """Return the equations of a step from ``fit``; None where the two hardly overlap or one is constant there.
+
+    The scale is expected in ``z_scale_range``, with its standard deviation: cells close together along z say little.
+    """
     fitted = _fitted_tone(of, fit)
     if fitted is None:
         return None
@@ -156,15 +159,16 @@ def equations(of: Level, fit: Bending) -> Equations | None:
         flat = effects.reshape(k, -1)
         normal += flat @ flat.T
         cost += float(np.vdot(pulls, residual[rows]))
-    # BEND_RAD as a prior, against residuals of which all within one patch count as one
+    # what is expected counts against residuals of which all within one patch count as one
     one_px = PATCH_MM**2 / (of.coarse.dz_mm * of.coarse.column_mm)
     half_mm = max(float(np.ptp(overlap.from_middle_mm)) / 2, 1e-3)
-    typical = BEND_RAD * np.r_[1 / half_mm, np.ones(n_bends - 1)]
+    low, high = z_scale_range
+    typical = np.r_[(high - low) / np.sqrt(12), BEND_RAD / half_mm, np.full(n_bends - 1, BEND_RAD)]
     stiffness = max(1.0, one_px) * cost / overlap.count / typical**2
-    bends = np.arange(MOVES, MOVES + n_bends)
+    expected = np.arange(MOVES - 1, MOVES + n_bends)
     normal[np.diag_indices(k)] *= 1 + 1e-9
-    normal[bends, bends] += stiffness
-    slope[bends] -= stiffness * fit.bends
+    normal[expected, expected] += stiffness
+    slope[expected] -= stiffness * np.r_[fit.alignment.z_scale - (low + high) / 2, fit.bends]
     return Equations(normal, slope, overlap.middle_mm, correlation, residuals)
 
 

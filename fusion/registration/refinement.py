@@ -100,7 +100,7 @@ def _gauss_newton(of: Level, start: Bending, z_scale_range: tuple[float, float],
     most = np.r_[0.1, 0.1, np.inf, np.full(1 + 2 * WAVES, 0.05)]
     fit, places, steps, middle_mm = start, list[Coordinates](), list[Coordinates](), 0.0
     for last in (*[False] * (ROUNDS - 1), True):
-        system = equations(of, fit)
+        system = equations(of, fit, z_scale_range)
         if system is None:
             return start
         try:

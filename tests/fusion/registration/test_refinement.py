@@ -65,10 +65,10 @@ def test_waves_are_held_by_what_errs_as_one_whatever_the_blur(pair: Any, monkeyp
 
     def held(sigma_mm: float) -> float:
         of = equations.level(a, b, 1, sigma_mm)
-        with_prior = equations.equations(of, fit)
+        with_prior = equations.equations(of, fit, SCALES)
         with monkeypatch.context() as without:
             without.setattr(equations, "BEND_RAD", 1e9)
-            free = equations.equations(of, fit)
+            free = equations.equations(of, fit, SCALES)
         assert with_prior is not None
         assert free is not None
         return float(with_prior.normal[5, 5] - free.normal[5, 5])
@@ -77,3 +77,17 @@ def test_waves_are_held_by_what_errs_as_one_whatever_the_blur(pair: Any, monkeyp
     ours = held(0.03)
     monkeypatch.setattr(equations, "PATCH_MM", 0.3)
     assert ours == pytest.approx(4 * held(0.03), rel=1e-6)
+
+
+def test_the_scale_is_expected_in_the_middle_of_its_range(pair: Any) -> None:
+    """Its standard deviation there is that of any value as likely as any other: the width over √12."""
+    a, b = sides(pair)
+    of = equations.level(a, b, 1, 0.03)
+    off = equations.Bending(replace(pair.truth, z_scale=1.02), np.zeros(1 + 2 * equations.WAVES))
+    narrow, wide = (equations.equations(of, off, around) for around in ((0.9, 1.1), (0.6, 1.0)))
+    assert narrow is not None
+    assert wide is not None
+    unit = (narrow.normal[2, 2] - wide.normal[2, 2]) / (12 / 0.2**2 - 12 / 0.4**2)
+    assert unit > 0
+    pulled = (narrow.slope[2] - wide.slope[2]) / unit
+    assert pulled == pytest.approx(12 / 0.2**2 * (1.0 - 1.02) - 12 / 0.4**2 * (0.8 - 1.02), rel=1e-6)
