@@ -202,6 +202,18 @@ def test_cells_seen_find_what_the_sides_own_evidence_does_not(monkeypatch: pytes
     assert_found(pair, align_sides(a, b, found=by_rims, seen=blind).alignment)
 
 
+@pytest.mark.parametrize(
+    ("confidence", "chance", "is_believed"), [(0.4, 1e-5, True), (0.39, 1e-5, False), (0.4, 1.1e-5, False)]
+)
+def test_a_place_that_only_cells_seen_tell_must_be_clear(
+    monkeypatch: pytest.MonkeyPatch, pair: Pair, confidence: float, chance: float, is_believed: bool
+) -> None:
+    best = replace(pair.truth, confidence=confidence, correlation=0.9, ratio=2.0, chance=chance)
+    monkeypatch.setattr("endoct.fusion.registration.align.search", lambda *_: best)
+    outcome = align_sides(*sides(pair), found=Found(None, best), seen=seen_by_an_eye(pair))
+    assert (outcome.alignment is not None) == is_believed
+
+
 def test_cells_seen_refine_a_place_where_they_agree_better(pair: Pair) -> None:
     a, b = sides(pair)
     by_own = align_sides(a, b).alignment
