@@ -12,6 +12,7 @@ from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
 from benchmarks.wall_planted import found as found_in
 from benchmarks.wall_planted import is_at, planted
+from endoct.base.doubt import Doubt
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import DrawnMask, two_sides
 from endoct.fusion.parameters import CompareParameters
@@ -238,6 +239,7 @@ def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_pat
     for (on_grid, own), side, cells in zip(before, placed.sides, placed.cells, strict=True):
         assert np.array_equal(side.mask, on_grid)
         assert np.array_equal(cells.mask, own)
+    assert joined.doubts == ()
     assert joined.summary.cells == len(joined.cells) > 5
     assert joined.summary.area_mm2 == pytest.approx(sum(cell.area_mm2 for cell in joined.cells))
     save_panorama(joined.wall.as_panorama(placed), tmp_path / "wall.zarr")
@@ -254,6 +256,7 @@ def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> No
     made = both_sides_of(placed)
     assert made is not None
     depth, rows, where = placed.both[1], made.rows, placed.samplings[1].where
+    assert np.nanmedian(made.darkness[made.cells[0]]) > np.nanmedian(made.darkness[~made.cells[0]]) + 0.2
     assert rows.z_mm == pytest.approx(where.z_to_a(depth.panorama.z_mm))
     columns = np.rint(placed.grid.column_of(where.theta_to_a(depth.panorama.grid.theta_rad))).astype(int)
     columns %= placed.grid.n_theta
@@ -281,13 +284,18 @@ def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) 
     assert join(place_sides(*two_sides(drawn, pair.a), parameters)) is None
 
 
-def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair) -> None:
+def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+    doubt = Doubt("cells-end-short", "They do.", "camera")
+    monkeypatch.setattr("endoct.fusion.wall.cells.doubt_of_short_ends", lambda *_: doubt)
     drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
     placed = place_sides(*two_sides(drawn, pair.b), CompareParameters())
     joined = join(placed)
     assert joined is not None
-    assert joined.doubts == ()
+    assert joined.doubts == ()  # a drawing does not miss what is lit
     both = placed.sides[0].valid & placed.sides[1].valid
     assert jaccard(joined.wall.cells & both, placed.sides[0].mask & both, both) > 0.95  # type: ignore[operator]
     panorama = joined.wall.as_panorama(placed)
     assert (panorama.intensity == 1).all()
+    of_camera = join(place_sides(*two_sides(pair.a, pair.b), CompareParameters()))
+    assert of_camera is not None
+    assert of_camera.doubts == (doubt,)
