@@ -10,8 +10,7 @@ from bore_pairs import Pair
 from numpy.typing import NDArray
 from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
-from benchmarks.wall_planted import found as found_in
-from benchmarks.wall_planted import is_at, planted
+from benchmarks.wall_planted import contradictions_in, is_at, planted
 from endoct.base.doubt import Doubt
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import DrawnMask, two_sides
@@ -225,7 +224,7 @@ def test_contradictions_planted_into_a_pair_are_found_where_they_are(pair: Pair)
     for placed, there in ((plain, []), (place_sides(*two_sides(a, b), CompareParameters()), kinds)):
         light, depth = placed.cells
         sure = replace(light, probability=np.where(light.mask, 0.98, 0.02).astype(np.float32))  # this pair has no eye
-        found = found_in(replace(placed, cells=(sure, depth)))
+        found = contradictions_in(replace(placed, cells=(sure, depth)))
         of = [[plant.kind for plant in plants if is_at(plant, each, pair.a.grid.radius_mm)] for each in found]
         assert sorted(kind for one in of for kind in one) == there
         assert [] not in of
@@ -269,7 +268,7 @@ def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> No
     expected = np.clip((light - np.median(light[~own])) / sigma, -8, 4)
     assert np.median(np.abs(rows.brightness[:, columns] - expected)) < 0.5  # columns lie up to half of one aside
     assert np.corrcoef(rows.brightness[:, columns].ravel(), expected.ravel())[0, 1] > 0.7
-    nearer, farther = rows.beside(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
+    nearer, farther = rows.neighbours(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
     assert (nearer.tolist(), farther.tolist()) == ([3, 4, 6], [2, 5, 5])
 
 
