@@ -136,7 +136,7 @@ def _a_cell(cells: Mask, grid: SurfaceGrid, rng: np.random.Generator) -> Mask | 
     return None
 
 
-def found(placed: Placed) -> tuple[Contradiction, ...]:
+def contradictions_in(placed: Placed) -> tuple[Contradiction, ...]:
     """Return the contradictions of two placed sides; none where they were not aligned."""
     sides = both_sides_of(placed)
     return () if sides is None else contradictions_of(sides, (placed.sides[0].name, placed.sides[1].name))
@@ -165,9 +165,9 @@ def main() -> None:
         plain = place_sides(*two_sides(a, b), CompareParameters())
         if plain.outcome.alignment is None:
             continue
-        before = found(plain)
+        before = contradictions_in(plain)
         with_a, with_b, plants = planted(a, b, plain, seed)
-        after = found(place_sides(*two_sides(with_a, with_b), CompareParameters()))
+        after = contradictions_in(place_sides(*two_sides(with_a, with_b), CompareParameters()))
         short_ends = place_sides(*two_sides(shortened(a, plain.cells[0].mask, seed), b), CompareParameters())
         n_short, n_said = n_short + short(short_ends), n_said + short(plain)
         radius_mm, n_pairs, n_plain = a.grid.radius_mm, n_pairs + 1, n_plain + len(before)

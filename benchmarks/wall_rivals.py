@@ -30,17 +30,17 @@ def joined(sides: BothSides, believed: int) -> dict[str, Mask]:
     }
 
 
-def staple(one: Mask, other: Mask, both: Mask) -> Mask:
+def staple(first: Mask, second: Mask, both: Mask) -> Mask:
     """Return what Warfield's STAPLE makes of two raters (Warfield 2004), by SimpleITK."""
     import SimpleITK as sitk
 
-    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in (one, other)]
+    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in (first, second)]
     return np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5)
 
 
 def linear(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:
     """Return ``image`` on measured rows, (n_rows, n_theta), interpolated linearly on the rows of ``grid``."""
-    near, far = rows.beside(grid.z_mm)
+    near, far = rows.neighbours(grid.z_mm)
     share = np.clip((grid.z_mm - rows.z_mm[near]) / (rows.z_mm[far] - rows.z_mm[near]), 0, 1)[:, np.newaxis]
     return np.asarray(image[near] * (1 - share) + image[far] * share, np.float32)
 
@@ -55,7 +55,7 @@ def kriged(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:
     range_mm, nugget = _course(np.where(known, image, image[known].mean()), grid.dtheta_mm)
     step = max(1, round(APART_MM / grid.dtheta_mm))
     offsets = step * np.arange(-ACROSS, ACROSS + 1)
-    near, far = rows.beside(grid.z_mm)
+    near, far = rows.neighbours(grid.z_mm)
     total, weight = np.zeros(grid.shape, np.float32), np.zeros(grid.shape, np.float32)
     filled = np.where(known, image, np.float32(0))
     for i, z_mm in enumerate(grid.z_mm):

@@ -45,7 +45,7 @@ class MeasuredRows:
     cells: Image
     brightness: Image
 
-    def beside(self, z_mm: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def neighbours(self, z_mm: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the rows that lie next to each of ``z_mm`` (n,) on either side of it, the nearer one first."""
         after = np.clip(np.searchsorted(self.z_mm, z_mm), 1, self.z_mm.size - 1)
         is_nearer = 2 * z_mm >= self.z_mm[after] + self.z_mm[after - 1]
@@ -84,7 +84,7 @@ class BothSides:
     @property
     def from_row_mm(self) -> NDArray[np.float64]:
         """The distance of each row to the nearest one on which depth was measured, float64 (n_z,)."""
-        return np.abs(self.rows.z_mm[self.rows.beside(self.grid.z_mm)[0]] - self.grid.z_mm)
+        return np.abs(self.rows.z_mm[self.rows.neighbours(self.grid.z_mm)[0]] - self.grid.z_mm)
 
 
 def both_sides_of(placed: Placed) -> BothSides | None:

@@ -25,7 +25,7 @@ SMALLEST_MM2 = 0.01
 """Smaller cells are none, as on either side."""
 TRUST_MM = 0.05
 """A standard error of depth by parallax of this size halves the trust in it."""
-SHOWN = 0.5
+LEAST_SHARE = 0.5
 """A sample on a measured row is a cell's by depth where a larger share of it is."""
 WIDEST_MM = 1.5
 """A wider cell is no deeper for that."""
@@ -136,7 +136,7 @@ def _of_samples(sides: BothSides, cells: Mask) -> Iterator[NDArray[np.floating]]
     yield sides.parallax_mm[cells]
     yield TRUST_MM / (TRUST_MM + sides.parallax_error_mm[cells])
     yield sides.darkness[cells]
-    for next_to in rows.beside(sides.grid.z_mm):
+    for next_to in rows.neighbours(sides.grid.z_mm):
         yield from (image[next_to[row], column] for image in (rows.relief_mm, rows.cells, rows.brightness))
 
 
@@ -144,7 +144,7 @@ def _of_whole(sides: BothSides, cells: Mask) -> Iterator[NDArray[np.floating | n
     """Yield what is known of the whole cell that each sample lies in, four arrays (n,)."""
     grid, rows, (labels, n) = sides.grid, sides.rows, label(cells)
     at, on_grid = labels[cells], np.clip(np.rint(grid.row_of(rows.z_mm)), 0, grid.n_z - 1).astype(np.intp)
-    shown = rows.cells > SHOWN
+    shown = rows.cells > LEAST_SHARE
     median_mm, high_mm = (quantiles(rows.relief_mm[shown], labels[on_grid][shown], n, share) for share in (0.5, 0.9))
     yield median_mm[at]
     yield high_mm[at]

@@ -10,8 +10,8 @@ from bore_pairs import Pair
 from numpy.typing import NDArray
 from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
-from benchmarks.wall_planted import found as found_in
-from benchmarks.wall_planted import is_at, planted
+from benchmarks.wall_planted import contradictions_in, is_at, planted
+from endoct.base.doubt import Doubt
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import DrawnMask, two_sides
 from endoct.fusion.parameters import CompareParameters
@@ -224,7 +224,7 @@ def test_contradictions_planted_into_a_pair_are_found_where_they_are(pair: Pair)
     for placed, there in ((plain, []), (place_sides(*two_sides(a, b), CompareParameters()), kinds)):
         light, depth = placed.cells
         sure = replace(light, probability=np.where(light.mask, 0.98, 0.02).astype(np.float32))  # this pair has no eye
-        found = found_in(replace(placed, cells=(sure, depth)))
+        found = contradictions_in(replace(placed, cells=(sure, depth)))
         of = [[plant.kind for plant in plants if is_at(plant, each, pair.a.grid.radius_mm)] for each in found]
         assert sorted(kind for one in of for kind in one) == there
         assert [] not in of
@@ -238,6 +238,7 @@ def test_a_pair_has_a_wall_and_neither_side_is_changed_by_it(pair: Pair, tmp_pat
     for (on_grid, own), side, cells in zip(before, placed.sides, placed.cells, strict=True):
         assert np.array_equal(side.mask, on_grid)
         assert np.array_equal(cells.mask, own)
+    assert joined.doubts == ()
     assert joined.summary.cells == len(joined.cells) > 5
     assert joined.summary.area_mm2 == pytest.approx(sum(cell.area_mm2 for cell in joined.cells))
     save_panorama(joined.wall.as_panorama(placed), tmp_path / "wall.zarr")
@@ -254,6 +255,7 @@ def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> No
     made = both_sides_of(placed)
     assert made is not None
     depth, rows, where = placed.both[1], made.rows, placed.samplings[1].where
+    assert np.nanmedian(made.darkness[made.cells[0]]) > np.nanmedian(made.darkness[~made.cells[0]]) + 0.2
     assert rows.z_mm == pytest.approx(where.z_to_a(depth.panorama.z_mm))
     columns = np.rint(placed.grid.column_of(where.theta_to_a(depth.panorama.grid.theta_rad))).astype(int)
     columns %= placed.grid.n_theta
@@ -266,7 +268,7 @@ def test_what_was_measured_lies_on_the_rows_it_was_measured_on(pair: Pair) -> No
     expected = np.clip((light - np.median(light[~own])) / sigma, -8, 4)
     assert np.median(np.abs(rows.brightness[:, columns] - expected)) < 0.5  # columns lie up to half of one aside
     assert np.corrcoef(rows.brightness[:, columns].ravel(), expected.ravel())[0, 1] > 0.7
-    nearer, farther = rows.beside(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
+    nearer, farther = rows.neighbours(rows.z_mm[3:6] + np.array([0.0, 0.04, 0.16]))
     assert (nearer.tolist(), farther.tolist()) == ([3, 4, 6], [2, 5, 5])
 
 
@@ -281,13 +283,18 @@ def test_no_wall_is_made_of_sides_that_do_not_complement_each_other(pair: Pair) 
     assert join(place_sides(*two_sides(drawn, pair.a), parameters)) is None
 
 
-def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair) -> None:
+def test_a_drawn_mask_takes_the_place_of_the_side_with_light(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+    doubt = Doubt("cells-end-short", "They do.", "camera")
+    monkeypatch.setattr("endoct.fusion.wall.cells.doubt_of_short_ends", lambda *_: doubt)
     drawn = DrawnMask(pair.a.grid, pair.cells_a, "me", "1", pair.a)
     placed = place_sides(*two_sides(drawn, pair.b), CompareParameters())
     joined = join(placed)
     assert joined is not None
-    assert joined.doubts == ()
+    assert joined.doubts == ()  # a drawing does not miss what is lit
     both = placed.sides[0].valid & placed.sides[1].valid
     assert jaccard(joined.wall.cells & both, placed.sides[0].mask & both, both) > 0.95  # type: ignore[operator]
     panorama = joined.wall.as_panorama(placed)
     assert (panorama.intensity == 1).all()
+    of_camera = join(place_sides(*two_sides(pair.a, pair.b), CompareParameters()))
+    assert of_camera is not None
+    assert of_camera.doubts == (doubt,)
