@@ -133,7 +133,7 @@ def aligned(job: tuple[str, int], *, drift: bool) -> tuple[str, Aligned]:
     return name, Aligned(kind, np.array([along_mm, around_rad, found.z_scale - truth.z_scale]), stated)
 
 
-def told(name: str, every: list[Aligned]) -> str:
+def line_of(name: str, every: list[Aligned]) -> str:
     """Return a line on one set, or one kind of drift."""
     errors = np.array([one.errors for one in every if one.errors is not None])
     if not errors.size:
@@ -170,7 +170,7 @@ def main() -> None:
             by[one.drift or name].append(one)
             by["all"].append(one)
     for name, every in by.items():
-        print(told(name, every))
+        print(line_of(name, every))
 
 
 if __name__ == "__main__":

@@ -117,11 +117,11 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         )
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     there = a.in_reference, b.in_reference
-    found = find_sides(*there, z_scale_range=z_scale_range)
+    rough = find_sides(*there, z_scale_range=z_scale_range)
 
-    def laid(seen: tuple[Evidence, Evidence] | None) -> tuple[SearchOutcome, ByHand | None, tuple[Doubt, ...]]:
+    def laid(by_eye: tuple[Evidence, Evidence] | None) -> tuple[SearchOutcome, ByHand | None, tuple[Doubt, ...]]:
         outcome = align_sides(
-            *there, z_scale_range=z_scale_range, force=parameters.force, found=found, seen=seen
+            *there, z_scale_range=z_scale_range, force=parameters.force, rough=rough, by_eye=by_eye
         ).scaled(a.scale)
         if parameters.correct_twist and outcome.alignment:
             outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
@@ -137,7 +137,7 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
 
     # whether cells are dark or bright shows where the two roughly lie, unless somebody else says where that is
     alone = not pairs and parameters.alignment_method == OURS
-    roughly = (found.place or (found.best if parameters.force else None)) if alone else laid(None)[0].alignment
+    roughly = (rough.place or (rough.best if parameters.force else None)) if alone else laid(None)[0].alignment
     cells = segment_sides(a, b, roughly, parameters, parameters.polarity)
     outcome, by_hand, doubts = laid((evidence_of(a, cells[0]), evidence_of(b, cells[1])))
     placed = _on_one_grid((a, b), cells, outcome, parameters)

@@ -62,7 +62,7 @@ CLEAR_RATIO, RARE_CHANCE = 1.4, 1e-5
 The search by rims put all of 52 pairs in place, of which that by cells declined six (seeds 9300-9309 of quick, hard,
 mastoid, and few, floors, sound, tiny of benchmarks/independent). Of 900 wrong pairs of these it put none where chance
 would less often than 3e-4, and none above a ratio of 1.44 where chance would less often than 0.03."""
-SEEN_CLEARLY = 0.4, 1e-5
+CLEAR_BY_EYE = 0.4, 1e-5
 """Least confidence and largest chance of a place that only cells seen by an eye tell.
 
 Of 500 wrong pairs one had a confidence of 0.30 at a chance of 3e-5. Of 19 true pairs that nothing else aligned, 15 had
@@ -104,7 +104,7 @@ def believable(alignment: Alignment) -> bool:
 
 
 @dataclass(frozen=True)
-class Found:
+class RoughAlignment:
     """Where a search puts B: the ``place`` that is believed, if any, what it was found by, and the ``best`` of all."""
 
     place: Alignment | None
@@ -112,7 +112,7 @@ class Found:
     by: Literal["evidence", "rims", "drawing"] = "evidence"
 
 
-def find_sides(a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05)) -> Found:
+def find_sides(a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 1.05)) -> RoughAlignment:
     """Return where ``b`` lies on ``a``, as far as a search tells, in every orientation that the two leave open.
 
     A mask drawn on the samples of the other side lies there, without a search.
@@ -120,7 +120,7 @@ def find_sides(a: Side, b: Side, *, z_scale_range: tuple[float, float] = (0.95, 
     if a.is_drawn_on(b) or b.is_drawn_on(a):
         exact = as_covariance(np.zeros((3, 3)))
         alike = correlation(a.evidence, b.evidence)
-        return Found(replace(IN_PLACE, confidence=1.0, correlation=alike, covariance=exact), by="drawing")
+        return RoughAlignment(replace(IN_PLACE, confidence=1.0, correlation=alike, covariance=exact), by="drawing")
     return find_place(a.evidence, b.evidence, orientations_of(a.panorama, b.panorama), z_scale_range)
 
 
@@ -130,29 +130,29 @@ def align_sides(
     *,
     z_scale_range: tuple[float, float] = (0.95, 1.05),
     force: bool = False,
-    found: Found | None = None,
-    seen: tuple[Evidence, Evidence] | None = None,
+    rough: RoughAlignment | None = None,
+    by_eye: tuple[Evidence, Evidence] | None = None,
 ) -> SearchOutcome:
     """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
 
-    ``found``: by :func:`find_sides`, where that was asked before. ``seen``: evidence on the samples of either side that
+    ``rough``: by :func:`find_sides`, where that was asked before. ``by_eye``: evidence on the samples of either side that
     tells more than its own, as the probability of a cell by a learned eye. It is searched where the sides' own does not
     tell, and refines a place at which it agrees better than their own.
     """
-    found = found or find_sides(a, b, z_scale_range=z_scale_range)
-    if found.by == "drawing":
-        return SearchOutcome(found.place)
+    rough = rough or find_sides(a, b, z_scale_range=z_scale_range)
+    if rough.by == "drawing":
+        return SearchOutcome(rough.place)
     orientations = orientations_of(a.panorama, b.panorama)
     own = evidence = a.evidence, b.evidence
-    if seen is not None and "probability" in (seen[0].kind, seen[1].kind):
-        if found.by == "rims" or found.place is None:
-            best = search(clipped(seen[0]), clipped(seen[1]), orientations, z_scale_range)
-            if best and best.confidence >= SEEN_CLEARLY[0] and best.chance <= SEEN_CLEARLY[1]:
-                found = Found(best, best)
-        if found.place and _agreement(found.place, *seen) > abs(_agreement(found.place, *own)):
-            evidence = seen
+    if by_eye is not None and "probability" in (by_eye[0].kind, by_eye[1].kind):
+        if rough.by == "rims" or rough.place is None:
+            best = search(clipped(by_eye[0]), clipped(by_eye[1]), orientations, z_scale_range)
+            if best and best.confidence >= CLEAR_BY_EYE[0] and best.chance <= CLEAR_BY_EYE[1]:
+                rough = RoughAlignment(best, best)
+        if rough.place and _agreement(rough.place, *by_eye) > abs(_agreement(rough.place, *own)):
+            evidence = by_eye
     outcome = SearchOutcome.of(
-        align(*evidence, orientations=orientations, z_scale_range=z_scale_range, force=force, found=found)
+        align(*evidence, orientations=orientations, z_scale_range=z_scale_range, force=force, rough=rough)
     )
     farther = outcome.best and fit_stretched(*evidence, orientations, z_scale_range)
     return replace(outcome, reason=outcome.reason + _if_stretched(a, b, farther)) if farther else outcome
@@ -160,16 +160,16 @@ def align_sides(
 
 def find_place(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
-) -> Found:
+) -> RoughAlignment:
     """Return where ``b`` lies on ``a`` by a search of the evidence; where that is not believed, by rims of cells."""
     of_a, of_b = clipped(a), clipped(b)
     best = search(of_a, of_b, orientations, z_scale_range)
     if best is None or believable(best):
-        return Found(best, best)
+        return RoughAlignment(best, best)
     by_rims = search(rims(of_a), rims(of_b), orientations, z_scale_range)
     if by_rims and (believable(by_rims) or (by_rims.ratio >= CLEAR_RATIO and by_rims.chance <= RARE_CHANCE)):
-        return Found(by_rims, best, "rims")
-    return Found(None, best)
+        return RoughAlignment(by_rims, best, "rims")
+    return RoughAlignment(None, best)
 
 
 def align(
@@ -179,16 +179,16 @@ def align(
     orientations: tuple[Orientation, ...] = ALL_ORIENTATIONS,
     z_scale_range: tuple[float, float] = (0.95, 1.05),
     force: bool = False,
-    found: Found | None = None,
+    rough: RoughAlignment | None = None,
 ) -> Alignment | NotAligned:
     """Return where ``b`` lies on ``a``, to a fraction of a sample, or why that cannot be said.
 
-    ``force`` believes the best place however little it stands out. ``found``: where it is known already, roughly.
+    ``force`` believes the best place however little it stands out. ``rough``: where it is known already, roughly.
     """
-    found = found or find_place(a, b, orientations, z_scale_range)
-    best = found.best
-    place = found.place or (best if force else None)
-    refined = place and _refined(place, a, b, z_scale_range, by_rims=found.by == "rims")
+    rough = rough or find_place(a, b, orientations, z_scale_range)
+    best = rough.best
+    place = rough.place or (best if force else None)
+    refined = place and _refined(place, a, b, z_scale_range, by_rims=rough.by == "rims")
     if refined:
         return corrected_for_instruments(refined, a, b) if (a.kind == "relief") != (b.kind == "relief") else refined
     if best is None:

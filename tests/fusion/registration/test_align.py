@@ -16,7 +16,14 @@ from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import ALL_ORIENTATIONS, as_covariance
-from endoct.fusion.registration.align import Alignment, Found, NotAligned, align, align_sides, open_orientations
+from endoct.fusion.registration.align import (
+    Alignment,
+    NotAligned,
+    RoughAlignment,
+    align,
+    align_sides,
+    open_orientations,
+)
 from endoct.fusion.registration.instruments import corrected_for_instruments
 from endoct.stitching.panorama import Panorama
 
@@ -188,18 +195,18 @@ def sides(pair: Pair) -> tuple[Side, Side]:
 def test_cells_seen_find_what_the_sides_own_evidence_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = make_pair(5, rows=45)
     a, b = sides(pair)
-    nothing = Found(None, replace(pair.truth, theta_shift_rad=pair.truth.theta_shift_rad + 1))
-    assert align_sides(a, b, found=nothing).alignment is None
-    assert_found(pair, align_sides(a, b, found=nothing, seen=seen_by_an_eye(pair)).alignment)
+    nothing = RoughAlignment(None, replace(pair.truth, theta_shift_rad=pair.truth.theta_shift_rad + 1))
+    assert align_sides(a, b, rough=nothing).alignment is None
+    assert_found(pair, align_sides(a, b, rough=nothing, by_eye=seen_by_an_eye(pair)).alignment)
     other = make_pair(5, rows=45, other_bore=True)
-    assert align_sides(*sides(other), found=nothing, seen=seen_by_an_eye(other)).alignment is None
+    assert align_sides(*sides(other), rough=nothing, by_eye=seen_by_an_eye(other)).alignment is None
     # what rims have found is searched for anew, and stands where cells seen find nothing
-    by_rims = Found(pair.truth, pair.truth, "rims")
-    alignment = align_sides(a, b, found=by_rims, seen=seen_by_an_eye(pair)).alignment
+    by_rims = RoughAlignment(pair.truth, pair.truth, "rims")
+    alignment = align_sides(a, b, rough=by_rims, by_eye=seen_by_an_eye(pair)).alignment
     assert alignment is not None
     assert alignment.confidence > 0.3
     blind = seen_by_an_eye(pair, np.zeros(pair.cells_a.shape, np.bool_))
-    assert_found(pair, align_sides(a, b, found=by_rims, seen=blind).alignment)
+    assert_found(pair, align_sides(a, b, rough=by_rims, by_eye=blind).alignment)
 
 
 @pytest.mark.parametrize(
@@ -210,15 +217,15 @@ def test_a_place_that_only_cells_seen_tell_must_be_clear(
 ) -> None:
     best = replace(pair.truth, confidence=confidence, correlation=0.9, ratio=2.0, chance=chance)
     monkeypatch.setattr("endoct.fusion.registration.align.search", lambda *_: best)
-    outcome = align_sides(*sides(pair), found=Found(None, best), seen=seen_by_an_eye(pair))
+    outcome = align_sides(*sides(pair), rough=RoughAlignment(None, best), by_eye=seen_by_an_eye(pair))
     assert (outcome.alignment is not None) == is_believed
 
 
 def test_cells_seen_refine_a_place_where_they_agree_better(pair: Pair) -> None:
     a, b = sides(pair)
     by_own = align_sides(a, b).alignment
-    by_eye = align_sides(a, b, seen=seen_by_an_eye(pair)).alignment
-    blind = align_sides(a, b, seen=seen_by_an_eye(pair, ~pair.cells_a)).alignment
+    by_eye = align_sides(a, b, by_eye=seen_by_an_eye(pair)).alignment
+    blind = align_sides(a, b, by_eye=seen_by_an_eye(pair, ~pair.cells_a)).alignment
     assert by_own is not None
     assert by_eye is not None
     assert by_eye.correlation > by_own.correlation
