@@ -135,9 +135,9 @@ def align_sides(
 ) -> SearchOutcome:
     """Return where ``b`` lies on ``a`` as :func:`align` does, in every orientation that the two leave open.
 
-    ``rough``: by :func:`find_sides`, where that was asked before. ``by_eye``: evidence on the samples of either side that
-    tells more than its own, as the probability of a cell by a learned eye. It is searched where the sides' own does not
-    tell, and refines a place at which it agrees better than their own.
+    ``rough``: by :func:`find_sides`, where that was asked before. ``by_eye``: evidence on the samples of either side
+    that tells more than its own, as the probability of a cell by a learned eye. It is searched where the sides' own
+    does not tell, and refines a place at which it agrees better than their own.
     """
     rough = rough or find_sides(a, b, z_scale_range=z_scale_range)
     if rough.by == "drawing":
