@@ -8,10 +8,13 @@ import pytest
 from bore_pairs import make_pair
 
 from endoct.base.errors import EndoctError
+from endoct.fusion.files.result_file import read_result
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import Bounded, Bounds, Consensus, Features, MaskScores, Raters, Result, StoredAlignment
 from endoct.workbench import compare, summarise
+from endoct.workbench.commands.console import print_result
 from endoct.workbench.pipeline.drawn_before import calibration_by
+from endoct.workbench.report.verdict import verdict_of
 
 FEATURES = Features(
     jaccard=0.8, alignment=0.05, cell_mm2=0.3, outline_per_mm=5, depth_mm=0.3, wall_spread_mm=0.01, contrast=5
@@ -42,7 +45,7 @@ def write(
         aligned=True,
         alignment=StoredAlignment.of(Alignment(0.1, 0.2, confidence=0.5)),
         jaccard=0.8,
-        dice=None,
+        dice=0.89,
         bounds=bounds,
         valid_fraction=1.0,
     ).model_copy(update={"truth": truth, "raters": raters})
@@ -102,3 +105,16 @@ def test_what_is_expected_is_a_row_of_a_summary(tmp_path: Path) -> None:
     assert (light["value"], light["low"], light["high"]) == pytest.approx((0.9, 0.85, 0.93))
     assert (depth["value"], depth["low"], depth["high"]) == (0.8, None, None)
     assert rows["expected_wall", "older"]["value"] is None
+
+
+def test_what_is_expected_is_said_on_the_console_and_in_the_verdict(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write(tmp_path / "with", None)
+    print_result(folder, as_json=False)
+    said = capsys.readouterr().out
+    assert BOUNDS.sentence in said
+    assert "endoscope 0.90 (0.85–0.93), oct 0.80, wall 0.95" in said
+    assert BOUNDS.sentence in verdict_of(read_result(folder)).sentences
+    older = read_result(write(tmp_path / "older", None, bounds=None))
+    assert not any("to expect" in sentence for sentence in verdict_of(older).sentences)
