@@ -6,6 +6,7 @@ Heading and sections are there before any program runs, and without one.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -16,6 +17,7 @@ from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.next_steps import NextStep, Stated, next_steps
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
 from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_of
@@ -23,8 +25,16 @@ from endoct.workbench.report.wording import interval_text, share_text
 
 Fact = tuple[str, str]
 """A name and a value."""
-Link = tuple[str, str]
-"""An address and its text."""
+
+
+class Link(NamedTuple):
+    """An ``address`` and its ``text``; ``again``: where what the page shows can be done again, "" for nowhere."""
+
+    address: str
+    text: str
+    again: str = ""
+
+
 RESEARCH = "Research software and no medical device."
 
 
@@ -41,7 +51,8 @@ class Score:
 class Heading:
     """What is said first: ``title`` and ``facts``, what it is; the ``verdict``, the ``doubts`` against it; ``scores``.
 
-    ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known.
+    ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known. ``steps``: what can
+    be done about it, each with its command line.
     """
 
     title: str
@@ -51,10 +62,13 @@ class Heading:
     scores: tuple[Score, ...]
     notes: int
     endoct: str
+    steps: tuple[tuple[NextStep, str], ...] = ()
 
 
-def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutline) -> Heading:
-    """Return the heading of the comparison ``name``."""
+def comparison_heading(
+    name: str, facts: Sequence[Fact], outline: ComparisonOutline, stated: Stated | None = None
+) -> Heading:
+    """Return the heading of the comparison ``name``; ``stated`` is as :func:`next_steps` takes it."""
     result = outline.result
     a, b = result.sides
     verdict = verdict_of(result)
@@ -67,6 +81,7 @@ def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutl
         scores=tuple(_scores(result)),
         notes=sum(map(len, result.notes.values())),
         endoct=result.versions.get("endoct", ""),
+        steps=tuple((step, step.command(result, f"{name}-again")) for step in next_steps(result, stated or {})),
     )
 
 

@@ -88,7 +88,8 @@ def opened_comparison(origin: Origin) -> Shown:
         for k, (name, side) in enumerate(sides.items())
     ]
     real = cells_by_truth(folder, outline.names) if outline.cells else {}
-    heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline)
+    stated = {name: side.provenance for name, side in zip(outline.names, outlines, strict=True)}
+    heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline, stated)
     description = Description(
         title=heading.title,
         verdict=_spoken_against(heading),
