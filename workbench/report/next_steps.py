@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from endoct.base.doubt import Doubt
 from endoct.fusion.result import Result, StoredAlignment
+from endoct.modalities.registry import manifests
 from endoct.stitching.panorama import TRAVEL_BY_DEFAULT
 
 Does = Literal["compare", "other", "show", "read", "landmarks", "draw", "describe", "nothing"]
@@ -154,7 +155,8 @@ def _turned(result: Result, ruled_out: StoredAlignment, stated: Stated) -> Itera
     why = "Turned around so, the two align."
     hands = [each for side in reversed(result.sides) if (each := _flipped(side, "handedness", stated))]
     ways = [each for side in result.sides if (each := _flipped(side, "travel", stated))]
-    ways.sort(key=lambda way: TRAVEL_BY_DEFAULT not in stated[way[0]])  # a default is the first to suspect
+    # a default is the first to suspect, then what is unusual for an instrument
+    ways.sort(key=lambda way: (TRAVEL_BY_DEFAULT not in stated[way[0]], way[2] != _usual_travel(way[0], stated)))
     if ruled_out.mirrored and not hands:
         return
     for way in ways if ruled_out.z_reversed else ():
@@ -167,6 +169,12 @@ def _turned(result: Result, ruled_out: StoredAlignment, stated: Stated) -> Itera
 def _flipped(side: str, key: str, stated: Stated) -> tuple[str, str, str] | None:
     flipped = FLIPPED.get(str(_acquisition(side, stated).get(key)))
     return None if flipped is None else (side, key, flipped)
+
+
+def _usual_travel(side: str, stated: Stated) -> object:
+    """Return which way the instrument of a side moves unless it is stated otherwise; None where that is not known."""
+    manifest = manifests().get(str(_acquisition(side, stated).get("modality")))
+    return None if manifest is None else manifest.acquisition.model_fields["travel"].default
 
 
 def _doubted(result: Result, stated: Stated) -> Iterator[NextStep]:

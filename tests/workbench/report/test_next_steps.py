@@ -55,6 +55,15 @@ def test_a_travel_by_default_is_the_first_to_suspect():
     assert turned(mirrored=False, z_reversed=True, stated=stated)[0] == ((), (), ("travel=in",))
 
 
+def test_an_unusual_travel_is_suspected_before_a_usual_one():
+    stated = {side: {"acquisition": {"modality": side, "travel": "in"}} for side in STATED}
+    assert turned(mirrored=False, z_reversed=True, stated=stated)[0] == (
+        (),
+        (),
+        ("travel=out",),
+    )  # catheters are pulled
+
+
 def test_a_recording_from_the_other_end_needs_both():
     assert turned(mirrored=True, z_reversed=True)[1] == ((), (), ("travel=in", "handedness=mirrored"))
 
