@@ -17,6 +17,7 @@ from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.manual import words, words_json
 from endoct.workbench.report.next_steps import NextStep, Stated, next_steps
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
@@ -45,6 +46,13 @@ class Score:
     title: str
     value: str
     of: str
+
+    @property
+    def word(self) -> str:
+        """The word of the glossary that says what it is, "" for none."""
+        if "Li's threshold" in self.title:
+            return "li's threshold"
+        return next((word for word in ("Jaccard index", "Dice index", "Observed") if self.title.startswith(word)), "")
 
 
 @dataclass(frozen=True)
@@ -124,13 +132,16 @@ def document(
     *,
     remark: str = "",
     above: Link | None = None,
+    manual: str = "",
     **values: object,
 ) -> Markup:
     """Return the page that a ``template`` makes of ``values``, by which its style and program come.
 
-    ``above`` leads to what it is one of; ``remark`` is said at its end.
+    ``above`` leads to what it is one of; ``manual`` is the address of the manuals, "" where there are none; ``remark``
+    is said at its end.
     """
-    said = {"heading": heading, "sections": sections, "remark": remark, "above": above}
+    said = {"heading": heading, "sections": sections, "remark": remark, "above": above, "manual": manual}
+    said |= {"words": words, "program_words": words_json(manual)}
     return rendered(template, title=heading.title, research=RESEARCH, **said, **values)
 
 

@@ -45,6 +45,7 @@ from endoct.workbench.page.presence import NAMED
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
     KEPT,
+    MANUAL,
     Guard,
     Page,
     allowed_hosts,
@@ -284,6 +285,7 @@ def collection_app(collection: Collection, host: str, port: int) -> Starlette:
         routes=[
             Route("/", table),
             Route("/thumbnails/{version}/{number}.png", picture),
+            MANUAL,
             Route("/{name}", asset),
         ],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port)), Middleware(_PagesFirst, page=page)],

@@ -2,6 +2,7 @@
 
 import { ask, message, named, post, type Preview, type Sidecar, type SidecarField } from "./desk_server";
 import { button, element, select } from "./dom";
+import { explain } from "./explain";
 import { CurveStyles, drawPicture } from "./frame_picture";
 import type { FramePicture } from "./source";
 import { travelFigure } from "./travel";
@@ -49,7 +50,7 @@ class RecordingPage {
     this.main.append(element("div", { class: "columns recording" },
       element("section", { class: "card" }, element("h2", {}, "A frame, as the sidecar has it"),
         element("div", { class: "line" }, this.place, this.frame), this.said, this.travel, this.pictures),
-      element("section", { class: "card" }, element("h2", {}, "Sidecar"), this.fault, this.form)));
+      element("section", { class: "card" }, element("h2", {}, "Sidecar", explain("sidecar")), this.fault, this.form)));
     await this.load(null);
   }
 

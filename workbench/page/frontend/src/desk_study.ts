@@ -6,6 +6,7 @@ import { QueuePanel } from "./desk_queue";
 import { ask, message, named, post, type Form, type Found, type Item, type Result, type Unread, type Values } from "./desk_server";
 import { followAddress, stepsOf, type Study } from "./desk_steps";
 import { button, element } from "./dom";
+import { explain } from "./explain";
 
 const LOOK_MS = 600;
 const LEVELS = { trusted: "trusted", uncertain: "uncertain", doubted: "doubted", unaligned: "not aligned" };
@@ -36,7 +37,7 @@ class StudyPage {
   }
 
   async start(): Promise<void> {
-    const head = (...titles: string[]): HTMLElement => element("thead", {}, element("tr", {}, ...titles.map((title) => element("th", { scope: "col" }, title))));
+    const head = (...titles: string[]): HTMLElement => element("thead", {}, element("tr", {}, ...titles.map((title) => element("th", { scope: "col" }, title, explain(title)))));
     const look = button("look again", "look through the folder once more", null, () => void this.look());
     const simulate = button("simulate…", "make a specimen with known truth in this folder", null, () => this.run("simulate", { output: this.free("specimen-1"), preset: "quick", seed: 0 }));
     this.main.append(

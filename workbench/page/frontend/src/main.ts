@@ -1,4 +1,5 @@
 import { element } from "./dom";
+import { foldExplanations } from "./explain";
 import { fold } from "./folding";
 import { followSteps } from "./next_steps";
 import { openSource } from "./source";
@@ -9,6 +10,7 @@ async function start(top: HTMLElement, more: HTMLElement): Promise<void> {
   source.onGone((text) => top.append(element("p", { class: "gone", role: "alert" }, text)));
   const workspace = new Workspace(source.description, source);
   fold(more);
+  foldExplanations();
   workspace.plotQuality(more);
   top.after(workspace.element);
   followSteps(top, workspace.tools);

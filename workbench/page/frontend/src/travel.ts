@@ -1,6 +1,7 @@
 /** Which way the instrument moved: a bore with its mouth on the left, an arrow, and where the frame in view lies. */
 
 import { element } from "./dom";
+import { explain } from "./explain";
 
 const SAID: Readonly<Record<string, string>> = {
   in: "the first frame lies nearest the mouth, the last one deepest",
@@ -20,7 +21,7 @@ export function travelFigure(travel: string, by: string, share: number): HTMLEle
     ...(way ? [svg("circle", { cx: String(at), cy: "20", r: "5", class: "frame" })] : []),
     label("36", "end", "mouth"), label("290", "start", "end"));
   return element("figure", { class: "travel" }, figure,
-    element("figcaption", {}, element("b", {}, `travel: ${travel}`), ` ${by} ${SAID[travel] ?? ""}`));
+    element("figcaption", {}, element("b", {}, `travel: ${travel}`), explain("travel"), ` ${by} ${SAID[travel] ?? ""}`));
 }
 
 function svg(tag: string, attributes: Readonly<Record<string, string>>, ...children: Node[]): SVGElement {
