@@ -32,7 +32,6 @@ from endoct.stitching.store import load_panorama, stored_grid
 FORMAT = "endoct-comparison-1"
 PROPERTIES = tuple(field.name for field in fields(Cell))
 COMPARISON_STORE = "comparison.zarr"
-WALL_STORE = "wall.zarr"
 """The store in the folder of a comparison."""
 WALL_STORE = "wall.zarr"
 """The store of the one wall of both sides, beside it."""
