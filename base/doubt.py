@@ -13,6 +13,7 @@ UNSPECIFIED = "unspecified"
 _CODE = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 _LONGEST_CODE = 60
 _LONGEST_UNIT = 20
+_LONGEST_KEY = 60
 
 Expected = float | tuple[float, float] | None
 
@@ -28,6 +29,8 @@ class Doubt:
     side: the name of the side it concerns; None for both, or where there is only one.
     value: how much, in ``unit`` ("1" for a share or a ratio); None where that is no number.
     expected: what ``value`` should be: a number, or the least and the largest that would raise no doubt.
+    key: the key of a sidecar for which ``value`` is the better one; None where no key is suspected.
+    z_mm: from where to where along the bore, in the frame of side A; None where that is not known.
 
     NaN and infinity count as not known. Raises :class:`EndoctError` for a code not in kebab case, an empty sentence, or
     a unit that is no short text.
@@ -39,18 +42,24 @@ class Doubt:
     value: float | None = None
     unit: str | None = None
     expected: Expected = None
+    key: str | None = None
+    z_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.code, str) or len(self.code) > _LONGEST_CODE or not _CODE.fullmatch(self.code):
             raise _unusable("code", self.code, "words in lower case joined by hyphens")
         if not isinstance(self.what, str) or not self.what.strip():
             raise _unusable("sentence", self.what, "one sentence in plain words")
-        for name, text in (("side", self.side), ("unit", self.unit)):
-            if text is not None and (not isinstance(text, str) or (name == "unit" and len(text) > _LONGEST_UNIT)):
+        texts = ("side", self.side, None), ("unit", self.unit, _LONGEST_UNIT), ("key", self.key, _LONGEST_KEY)
+        for name, text, longest in texts:
+            if text is not None and (not isinstance(text, str) or (longest and len(text) > longest)):
                 raise _unusable(name, text, "a short text")
         object.__setattr__(self, "what", " ".join(self.what.split()))
         object.__setattr__(self, "value", _finite("value", self.value))
         object.__setattr__(self, "expected", _expected(self.expected))
+        if not isinstance(along := _expected(self.z_mm), tuple | None):
+            raise _unusable("place", self.z_mm, "two lengths")
+        object.__setattr__(self, "z_mm", along)
 
     @property
     def text(self) -> str:
@@ -63,7 +72,7 @@ class Doubt:
 
     def to_json(self) -> dict[str, object]:
         """Return the doubt as ``result.json`` and a panorama's store have it."""
-        return {
+        said: dict[str, object] = {
             "code": self.code,
             "side": self.side,
             "what": self.what,
@@ -71,6 +80,8 @@ class Doubt:
             "unit": self.unit,
             "expected": list(self.expected) if isinstance(self.expected, tuple) else self.expected,
         }
+        also = ("key", self.key), ("z_mm", self.z_mm and list(self.z_mm))
+        return said | {name: of for name, of in also if of}
 
 
 def as_doubt(given: object) -> Doubt:
@@ -84,7 +95,7 @@ def as_doubt(given: object) -> Doubt:
         return Doubt(UNSPECIFIED, given)
     if not isinstance(given, Mapping):
         raise _unusable("kind", given, "a sentence, or an object with 'code' and 'what'")
-    names = ("code", "what", "side", "value", "unit", "expected")
+    names = ("code", "what", "side", "value", "unit", "expected", "key", "z_mm")
     return Doubt(**{"code": None, "what": None} | {name: given[name] for name in names if name in given})
 
 

@@ -53,6 +53,7 @@ from endoct.fusion.result import (
     CorrectedTwist,
     Result,
     StoredAlignment,
+    StoredRemedy,
     Threshold,
 )
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
@@ -211,7 +212,9 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
         *(() if scores is None else doubts_of_scores(valid_fraction, scores)),
         *(doubt for of in zip(placed.both, placed.cells, strict=True) for doubt in doubts_of_side(*of)),
     )
-    said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "twist": twist}
+    remedies = tuple(StoredRemedy(side=each.side, key=each.key, agreeing=each.agreeing) for each in outcome.remedies)
+    said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "twist": twist, "remedies": remedies}
+    said["best_ruled_out"] = StoredAlignment.of(outcome.ruled_out)
     return Result(
         sides=names,
         aligned=outcome.alignment is not None,

@@ -112,7 +112,7 @@ def doubts_of_scale(
         if len(suspected) > 1:
             what += f" Or else {' or '.join(str(each) for each in suspected if each is not remedy)}."
         found, expected = remedy.agreeing, remedy.stated
-        yield Doubt("pitch-contradicted", what, side=remedy.side, value=found, unit=remedy.unit, expected=expected)
+        yield Doubt("pitch-contradicted", what, remedy.side, found, remedy.unit, expected, key=remedy.key)
 
 
 def doubts_of_parts(parts: Sequence[LoosePart], of: str, scale: float = 1.0) -> Iterator[Doubt]:
@@ -135,7 +135,8 @@ def doubts_of_parts(parts: Sequence[LoosePart], of: str, scale: float = 1.0) -> 
         "Slices or frames may be lost, swapped or turned."
     )
     off_mm, limit_mm = scale * worst.off_mm, scale * worst.limit_mm
-    yield Doubt("parts-out-of-place", what, side=of, value=off_mm, unit="mm", expected=(0.0, limit_mm))
+    z_mm = (scale * worst.first, scale * worst.last) if worst.kind == "band" else None
+    yield Doubt("parts-out-of-place", what, side=of, value=off_mm, unit="mm", expected=(0.0, limit_mm), z_mm=z_mm)
 
 
 def doubts_of_step(step: Step | None, of: str, scale: float = 1.0) -> Iterator[Doubt]:
@@ -148,7 +149,8 @@ def doubts_of_step(step: Step | None, of: str, scale: float = 1.0) -> Iterator[D
             f"{other}, or the feed slipped."
         )
         found, most = scale * abs(step.along_mm), scale * LEAST_STEP_MM
-        yield Doubt("step-along-the-bore", what, side=of, value=found, unit="mm", expected=(0.0, most))
+        at_mm = scale * step.at_mm
+        yield Doubt("step-along-the-bore", what, of, found, "mm", (0.0, most), z_mm=(at_mm, at_mm))
 
 
 def doubts_of_bend(alignment: Alignment, of: str) -> Iterator[Doubt]:
@@ -164,7 +166,8 @@ def doubts_of_bend(alignment: Alignment, of: str) -> Iterator[Doubt]:
     for at_mm, step_mm, roll_rad in bend.steps[:3]:
         what += f" From z = {at_mm:.1f} mm on it lies {step_mm:+.2f} mm farther along, turned by "
         what += f"{math.degrees(roll_rad):+.1f}°."
-    yield Doubt("bent-along-the-bore", what, side=of, value=along_mm, unit="mm", expected=0.0)
+    farthest_mm = bend.z_mm[int(np.abs(bend.shift_mm).argmax())]
+    yield Doubt("bent-along-the-bore", what, of, along_mm, "mm", expected=0.0, z_mm=(farthest_mm, farthest_mm))
 
 
 def doubts_of_orientation(alignment: Alignment, a: Panorama, b: Panorama, of: str) -> Iterator[Doubt]:

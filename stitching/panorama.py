@@ -28,6 +28,8 @@ SURFACE = ("intensity", "valid", "weight", "depth_mm", "parallax_depth_mm", "par
 """These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
 _DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
 _TAKEN = (*SURFACE, "volume")
+TRAVEL_BY_DEFAULT = "travel_by_default"
+"""Under this name a panorama's provenance has the direction of travel that no sidecar, file or setting states."""
 LEAST_VALID_SHARE = 0.9
 """A panorama is doubted where less of it than this was observed."""
 

@@ -95,6 +95,12 @@ def read_doubts(path: Path) -> tuple[Doubt, ...]:
         return _provenance(read_attributes(path), f"the panorama {path}")[2]
 
 
+def read_provenance(path: Path) -> Mapping[str, Any]:
+    """Return how the panorama at ``path`` was made, and read nothing else. Raises as :func:`read_doubts` does."""
+    with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
+        return _provenance(read_attributes(path), f"the panorama {path}")[0]
+
+
 @dataclass(frozen=True, eq=False)
 class PanoramaOutline:
     """A panorama on disk without its images, as in :class:`~endoct.stitching.panorama.Panorama`."""

@@ -38,7 +38,8 @@ def test_every_file_of_the_sources_is_in_the_wheel(wheel: Path) -> None:
         for path in (ROOT / folder).rglob("*")
         if path.is_file() and not LEFT_OUT & set(path.parts)
     }
-    assert packed == sources
+    manuals = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")}
+    assert packed == sources | {f"endoct/workbench/manual/{name}" for name in manuals}
     assert {f"endoct/{folder}/py.typed" for folder in FOLDERS} <= packed
     assert "endoct/__init__.py" not in packed  # a namespace
 

@@ -5,14 +5,16 @@ makes a request of its words; a function of the Python interface makes one of it
 """
 
 import inspect
+import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, ParamSpec, Protocol, TypeVar, overload
 
 from tyro.conf import Fixed, Positional, Suppress, UseAppendAction, arg
 
+from endoct.base.files.files import path_text
 from endoct.modalities.device import Device
 from endoct.synthetic.sample.presets import PresetName
 
@@ -154,6 +156,23 @@ class CompareRequest:
     device: Device = "cpu"
     overwrite: bool = False
     progress: Progress = True
+
+    def asked(self) -> dict[str, str | tuple[str, ...]]:
+        """Return what is asked for beyond the defaults, the output left out, as words; panoramas at hand have none."""
+        words: dict[str, str | tuple[str, ...]] = {}
+        for each in fields(CompareRequest):
+            value = getattr(self, each.name)
+            if each.name in ("output", "overwrite", "progress") or not value or value == each.default:
+                continue
+            if isinstance(value, Mapping):
+                value = [
+                    f"{key}={of if isinstance(of, str) else json.dumps(of, default=str)}" for key, of in value.items()
+                ]
+            if isinstance(value, str | Path):
+                words[each.name] = path_text(value)
+            elif isinstance(value, Sequence):
+                words[each.name] = tuple(path_text(one) for one in value)
+        return words
 
 
 @dataclass(frozen=True, eq=False)

@@ -233,29 +233,58 @@ def as_covariance(matrix: Coordinates) -> Covariance:
 
 @dataclass(frozen=True)
 class NotAligned:
-    """No place stood out: the ``reason``, in a full sentence, and the ``best`` place there was."""
+    """No place stood out: the ``reason``, in a full sentence, and the ``best`` place there was.
+
+    ``ruled_out`` would have been believed, but sidecars state another orientation.
+    """
 
     reason: str
     best: Alignment | None = None
+    ruled_out: Alignment | None = None
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """``key`` of the sidecar of ``side``, what it states, and the value at which both sides would agree."""
+
+    side: str
+    key: str
+    stated: float
+    agreeing: float
+
+    @property
+    def unit(self) -> str:
+        """Unit of both values."""
+        return "mm/s" if self.key.endswith("_mm_s") else "mm"
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.agreeing:.4g} of {self.side} ({self.stated:.4g} is stated)"
 
 
 @dataclass(frozen=True)
 class SearchOutcome:
-    """Where a search, a method or pairs of landmarks lay B; else the ``best`` place, and the ``reason`` against it."""
+    """Where a search, a method or pairs of landmarks lay B; else the ``best`` place, and the ``reason`` against it.
+
+    ``ruled_out`` and ``remedies``: what sidecars would have to state otherwise, where the two would then align.
+    """
 
     alignment: Alignment | None
     best: Alignment | None = None
     reason: str = ""
+    ruled_out: Alignment | None = None
+    remedies: tuple[Remedy, ...] = ()
 
     @classmethod
     def of(cls, answer: Alignment | NotAligned) -> "SearchOutcome":
         """Return what a search or a method answers."""
-        return cls(answer) if isinstance(answer, Alignment) else cls(None, answer.best, answer.reason)
+        if isinstance(answer, Alignment):
+            return cls(answer)
+        return cls(None, answer.best, answer.reason, answer.ruled_out)
 
     def scaled(self, factor: float) -> "SearchOutcome":
         """Return it with every length times ``factor``."""
-        alignment, best = (one and one.scaled(factor) for one in (self.alignment, self.best))
-        return replace(self, alignment=alignment, best=best)
+        names = "alignment", "best", "ruled_out"
+        return replace(self, **{name: (one := getattr(self, name)) and one.scaled(factor) for name in names})
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ from endoct.fusion.geometry.alignment import (
     Alignment,
     NotAligned,
     Orientation,
+    Remedy,
     SearchOutcome,
     as_covariance,
 )
@@ -155,7 +156,10 @@ def align_sides(
         align(*evidence, orientations=orientations, z_scale_range=z_scale_range, force=force, rough=rough)
     )
     farther = outcome.best and fit_stretched(*evidence, orientations, z_scale_range)
-    return replace(outcome, reason=outcome.reason + _if_stretched(a, b, farther)) if farther else outcome
+    if farther is None:
+        return outcome
+    agreeing = remedies(a, b, farther.z_scale)
+    return replace(outcome, reason=outcome.reason + _if_stretched(b, farther, agreeing), remedies=agreeing)
 
 
 def find_place(
@@ -198,7 +202,8 @@ def align(
         f"score is {best.ratio:.2f} times the runner-up's, and chance would give as much with a probability of "
         f"{best.chance:.1g}."
     )
-    return NotAligned(reason + _if_turned(clipped(a), clipped(b), orientations, z_scale_range), best)
+    ruled_out = _turned(clipped(a), clipped(b), orientations, z_scale_range)
+    return NotAligned(reason + (_if_turned(ruled_out) if ruled_out else ""), best, ruled_out)
 
 
 def _refined(
@@ -241,24 +246,6 @@ def stretched(
     return None if searched[0] < refined.z_scale < searched[1] else refined
 
 
-@dataclass(frozen=True)
-class Remedy:
-    """``key`` of the sidecar of ``side``, what it states, and the value at which both sides would agree."""
-
-    side: str
-    key: str
-    stated: float
-    agreeing: float
-
-    @property
-    def unit(self) -> str:
-        """Unit of both values."""
-        return "mm/s" if self.key.endswith("_mm_s") else "mm"
-
-    def __str__(self) -> str:
-        return f"{self.key} = {self.agreeing:.4g} of {self.side} ({self.stated:.4g} is stated)"
-
-
 def remedies(a: Side, b: Side, z_scale: float) -> tuple[Remedy, ...]:
     """Return the values that would agree where ``b`` fits ``a`` once its z is multiplied by ``z_scale``.
 
@@ -279,22 +266,25 @@ def _borne_out(side: Side) -> bool:
     return side.panorama.axial_scale.checked and not side.panorama.doubts
 
 
-def _if_turned(
+def _turned(
     a: Evidence, b: Evidence, orientations: tuple[Orientation, ...], z_scale_range: tuple[float, float]
-) -> str:
-    """Return a sentence on an orientation that would have been believed but for the sidecars, or nothing."""
+) -> Alignment | None:
+    """Return the best place in an orientation that would have been believed but for the sidecars; None without one."""
     ruled_out = tuple(orientation for orientation in ALL_ORIENTATIONS if orientation not in orientations)
     best = search(a, b, ruled_out, z_scale_range) if ruled_out else None
-    if best is None or not believable(best):
-        return ""
-    turned = " and ".join(["mirrored"] * best.mirrored + ["with z reversed"] * best.z_reversed)
+    return best if best is not None and believable(best) else None
+
+
+def _if_turned(ruled_out: Alignment) -> str:
+    """Return a sentence on the orientation that would have been believed."""
+    turned = " and ".join(["mirrored"] * ruled_out.mirrored + ["with z reversed"] * ruled_out.z_reversed)
     return f" {turned.capitalize()} they would align: check handedness and travel in the sidecars."
 
 
-def _if_stretched(a: Side, b: Side, farther: Alignment) -> str:
+def _if_stretched(b: Side, farther: Alignment, agreeing: tuple[Remedy, ...]) -> str:
     """Return a sentence on the scale along the bore at which the two would have been believed."""
-    agreeing = " or ".join(map(str, remedies(a, b, farther.z_scale))) or "a scale along the bore is wrong"
-    return f" They would align with z of {b.name} scaled by {farther.z_scale:.3f}: {agreeing}."
+    values = " or ".join(map(str, agreeing)) or "a scale along the bore is wrong"
+    return f" They would align with z of {b.name} scaled by {farther.z_scale:.3f}: {values}."
 
 
 def align_by_method(a: Side, b: Side, name: str) -> SearchOutcome:

@@ -14,6 +14,7 @@ from endoct.fusion.result.result import (
     Result,
     StoredAlignment,
     StoredPlace,
+    StoredRemedy,
     Threshold,
 )
 from endoct.fusion.result.scores import (
@@ -92,6 +93,7 @@ __all__ = [
     "Scores",
     "StoredAlignment",
     "StoredPlace",
+    "StoredRemedy",
     "Strata",
     "Stratum",
     "Threshold",

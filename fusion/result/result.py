@@ -230,6 +230,14 @@ class Threshold(Part):
     by_depth: DecidedByDepth | None = None
 
 
+class StoredRemedy(Part):
+    """The value of a sidecar's key at which two sides that did not align would."""
+
+    side: str
+    key: str
+    agreeing: Number
+
+
 class Bootstrap(Part):
     """How intervals were bootstrapped, and over what."""
 
@@ -258,6 +266,8 @@ class Result(Part):
     sides: names of the two sides, A first.
     alignment: where B lies in A's frame.
     best_unbelieved: the best alignment there was, where none reached ``believed_if``.
+    best_ruled_out: the one that would have reached it, in an orientation that sidecars rule out.
+    remedies: what sidecars would have to state for the two to align, one or the other.
     jaccard, dice: of the two sides on the common grid. None where they are not aligned, or neither shows a cell.
     threshold: by side, what its cells were segmented by.
     polarity, polarity_from: by side, whether its cells are dark or bright, and how that is known. None where the
@@ -273,6 +283,7 @@ class Result(Part):
     by_hand: what landmark pairs did and say, where a session with some was given.
     truth: scores by the path of a mask given as truth, then by side.
     raters: how far several such masks agree.
+    asked: what the command was asked for, as its request has it; empty in results of older versions.
     versions, inputs, parameters, seconds: by package, path (a SHA-256 each), side (or "compare") and stage.
     """
 
@@ -282,6 +293,8 @@ class Result(Part):
     alignment: StoredAlignment | None
     believed_if: Believable | None = None
     best_unbelieved: StoredAlignment | None = None
+    best_ruled_out: StoredAlignment | None = None
+    remedies: Annotated[tuple[StoredRemedy, ...], Field(strict=False)] = ()
     jaccard: Number | None
     dice: Number | None
     threshold: dict[str, Threshold] | None = None
@@ -300,6 +313,7 @@ class Result(Part):
     truth: dict[str, dict[str, MaskScores]] | None = None
     raters: Raters | None = None
     notes: dict[str, Texts] = Field(default_factory=dict)
+    asked: dict[str, str | Texts] = Field(default_factory=dict)
     versions: dict[str, str] = Field(default_factory=dict)
     inputs: dict[str, str] = Field(default_factory=dict)
     parameters: dict[str, dict[str, object] | None] = Field(default_factory=dict)

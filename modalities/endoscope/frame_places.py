@@ -112,4 +112,4 @@ def _doubts_of_feed(feed: Feed, nominal: Coordinates | None) -> tuple[Doubt, ...
         f"Neighbouring frames lie {step_mm:.3f} mm apart as measured and {nominal_mm:.3f} mm by the nominal feed, in "
         "the median: the annulus, its visible length or that feed is wrong, and z with it."
     )
-    return (Doubt("feed-against-nominal", what, value=step_mm, unit="mm", expected=nominal_mm),)
+    return (Doubt("feed-against-nominal", what, None, step_mm, "mm", nominal_mm, key="feed_pitch_mm"),)

@@ -232,7 +232,8 @@ def _of_wall(depth_mm: Image, stated: OctAcquisition, course: Course | None, *, 
         f"{_would_agree(beyond_mm, stated, course)}, unless the wrong line was taken for the capillary. "
         f"{_of_course(course)}"
     )
-    return (Doubt("wall-far-from-nominal", what, value=measured_mm, unit="mm", expected=stated.bore_diameter_mm),)
+    stated_mm = stated.bore_diameter_mm
+    return (Doubt("wall-far-from-nominal", what, None, measured_mm, "mm", stated_mm, key="bore_diameter_mm"),)
 
 
 def _would_agree(beyond_mm: float, stated: OctAcquisition, course: Course | None) -> str:
@@ -276,7 +277,8 @@ def _of_face(course: Course | None, stated: OctAcquisition) -> tuple[Doubt, ...]
         f"Through the turn, the capillary's outer face runs like a circle of {_diameter(course)}; {stated_mm:g} mm is "
         f"stated. That agrees with {' or '.join(changes)}, unless the wrong line was taken for the capillary."
     )
-    return (Doubt("capillary-against-stated", what, value=course.diameter_mm, unit="mm", expected=stated_mm),)
+    key, measured_mm = "capillary_outer_diameter_mm", course.diameter_mm
+    return (Doubt("capillary-against-stated", what, None, measured_mm, "mm", stated_mm, key=key),)
 
 
 def _diameter(course: Course) -> str:

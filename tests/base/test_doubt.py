@@ -91,3 +91,11 @@ def test_one_row_alone_is_doubted_once() -> None:
     (doubt,) = doubts_of_observed(made)
     assert (doubt.code, doubt.value) == ("one-row", 1.0)
     assert doubts_of_observed(replace(made, doubts=(doubt,))) == ()
+
+
+def test_a_key_and_a_place_along_the_bore_come_back_and_are_left_out_where_unknown() -> None:
+    doubt = Doubt("odd", "Odd.", "oct", 2.0, "mm", 1.0, key="pitch_mm", z_mm=(1.0, 2.5))
+    assert as_doubt(doubt.to_json()) == doubt
+    assert {"key", "z_mm"} & Doubt("odd", "Odd.").to_json().keys() == set()
+    with pytest.raises(EndoctError, match="place of a doubt"):
+        as_doubt({"code": "odd", "what": "Odd.", "z_mm": 2.0})

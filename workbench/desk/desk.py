@@ -39,7 +39,7 @@ class OpenFolder:
         self.study = Study(folder)
         self.key = key_of(self.study.folder)
         self.address = f"{root}/f/{self.key}/"
-        self.results = Collection(self.study.folder, above=self.address, pages=f"{self.address}at")
+        self.results = Collection(self.study.folder, above=self.address, pages=f"{self.address}at", runs=True)
 
     @property
     def folder(self) -> Path:
@@ -74,11 +74,23 @@ class OpenFolder:
             "jaccard": entry.jaccard,
             "interval": entry.interval,
             "doubts": [doubt.what for doubt in entry.doubts],
+            "steps": [self._step(step) for step in entry.steps],
             "written": entry.written,
             "fault": entry.fault,
             "address": address_of(entry, self.results.pages) if entry.can_be_opened else "",
             "thumbnail": "" if entry.fault else f"thumbnails/{version}/{number}.png",
         }
+
+    def _step(self, step: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a step for the page, with paths as its forms have them."""
+        values = dict(step.get("values", {}))
+        values |= {name: self._name_of(values[name]) for name in {"a", "b", "session"} & values.keys()}
+        return {**step, "recording": self._name_of(step["recording"])} | ({"values": values} if values else {})
+
+    def _name_of(self, path: str) -> str:
+        """Return a path that a command was given as one below the folder, where it leads there; else as it is."""
+        place = self.folder / path
+        return place.relative_to(self.folder).as_posix() if path and place.is_relative_to(self.folder) else path
 
 
 class Desk:

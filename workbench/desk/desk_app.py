@@ -37,6 +37,7 @@ from endoct.workbench.page.server import (
     Json,
     allowed_hosts,
     asset,
+    manual,
     posted_json,
     refused_post,
     whole_number,
@@ -44,6 +45,7 @@ from endoct.workbench.page.server import (
 from endoct.workbench.page.serving import answer_page
 from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.manual import words_json
 
 MOST_THREADS = 6
 """Enough that a thumbnail, a preview and a large folder do not keep the queue waiting."""
@@ -68,6 +70,7 @@ def desk_app(desk: Desk, host: str, port: int) -> Starlette:
             *(Route(f"{desk.root}{path}", _json(answer)) for path, answer in data.items()),
             *(Route(f"{desk.root}{path}", _posted(act), methods=["POST"]) for path, act in actions.items()),
             Route(f"{desk.root}/f/{{key}}/file", answers.file, methods=["POST"]),
+            Route(f"{desk.root}/manual/{{page:path}}", manual),
             Route(f"{desk.root}/{{name}}", asset),
         ],
         middleware=[
@@ -218,7 +221,8 @@ class _Secret:
 
 
 def _page(template: str, title: str, **values: object) -> Response:
-    page = rendered(template, title=title, research=RESEARCH, **values)
+    words = words_json(f"{values['root']}/manual/")
+    page = rendered(template, title=title, research=RESEARCH, words=words, **values)
     return HTMLResponse(page.encode("utf-8", "backslashreplace"), headers=FRESH)
 
 

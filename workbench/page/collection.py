@@ -8,7 +8,8 @@ import io
 import math
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from endoct.base.files.json_values import number, read_object
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.result import Result
-from endoct.stitching.store import read_doubts
+from endoct.stitching.store import read_doubts, read_provenance
 from endoct.workbench.kinds import KINDS, SAMPLE, Kind, places_in, reader
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
@@ -34,6 +35,7 @@ from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, Tile
 from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.next_steps import Stated, next_steps
 from endoct.workbench.report.verdict import Level, Verdict, recording_verdict, verdict_of
 from endoct.workbench.report.wording import NOTHING, interval_text
 
@@ -62,7 +64,8 @@ class Entry:
     """One of a collection: where it lies, ``name`` is its path below the collection with "/", and what is known of it.
 
     ``what`` are its sides, or how it was simulated; the scores are None where there are none; ``cells``: how many
-    agree, of how many of each side. ``fault`` says why it cannot be read, "" where it can.
+    agree, of how many of each side; ``steps``: what can be done about it, as JSON.
+    ``fault`` says why it cannot be read, "" where it can.
     """
 
     path: Path
@@ -76,6 +79,7 @@ class Entry:
     dice: float | None = None
     cells: tuple[int, int, int] | None = None
     doubts: tuple[Doubt, ...] = ()
+    steps: tuple[Mapping[str, Any], ...] = ()
     written: str = ""
     fault: str = ""
 
@@ -146,8 +150,18 @@ def listed_comparison(path: Path) -> dict[str, Any]:
         "dice": result.dice if result.aligned else None,
         "cells": _cells(result) if result.aligned else None,
         "doubts": tuple(result.doubts),
+        "steps": tuple(step.to_json(result) for step in next_steps(result, _stated(path, result))),
         "written": _written(path / "result.json"),
     }
+
+
+def _stated(path: Path, result: Result) -> Stated:
+    """Return by side the provenance of its panorama, as far as it can be read."""
+    stated = {}
+    for side in result.sides:
+        with suppress(EndoctError):
+            stated[side] = read_provenance(path / "panoramas" / f"{side}.zarr")
+    return stated
 
 
 def _cells(result: Result) -> tuple[int, int, int] | None:

@@ -57,7 +57,7 @@ class LayerPart:
 class OutlinePart:
     """Cells that can be outlined: the ``layer`` and the ``side`` on which they lie, and the ``colour`` of the lines.
 
-    ``title`` says whose they are; those that ``is_drawn`` by hand have no numbers.
+    ``title`` says whose they are; those that ``is_drawn`` by hand, or are of the one wall of both, have no numbers.
     """
 
     layer: str

@@ -6,6 +6,7 @@ Heading and sections are there before any program runs, and without one.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import NamedTuple
 
 from markupsafe import Markup
 
@@ -16,6 +17,8 @@ from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.findings import overlaps_of
 from endoct.workbench.report.html_templates import rendered
+from endoct.workbench.report.manual import words, words_json
+from endoct.workbench.report.next_steps import NextStep, Stated, next_steps
 from endoct.workbench.report.sections import Section
 from endoct.workbench.report.tables import conditions
 from endoct.workbench.report.verdict import Verdict, recording_verdict, verdict_of
@@ -23,8 +26,16 @@ from endoct.workbench.report.wording import interval_text, share_text
 
 Fact = tuple[str, str]
 """A name and a value."""
-Link = tuple[str, str]
-"""An address and its text."""
+
+
+class Link(NamedTuple):
+    """An ``address`` and its ``text``; ``again``: where what the page shows can be done again, "" for nowhere."""
+
+    address: str
+    text: str
+    again: str = ""
+
+
 RESEARCH = "Research software and no medical device."
 
 
@@ -36,12 +47,20 @@ class Score:
     value: str
     of: str
 
+    @property
+    def word(self) -> str:
+        """The word of the glossary that says what it is, "" for none."""
+        if "Li's threshold" in self.title:
+            return "li's threshold"
+        return next((word for word in ("Jaccard index", "Dice index", "Observed") if self.title.startswith(word)), "")
+
 
 @dataclass(frozen=True)
 class Heading:
     """What is said first: ``title`` and ``facts``, what it is; the ``verdict``, the ``doubts`` against it; ``scores``.
 
-    ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known.
+    ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known. ``steps``: what can
+    be done about it, each with its command line.
     """
 
     title: str
@@ -51,10 +70,13 @@ class Heading:
     scores: tuple[Score, ...]
     notes: int
     endoct: str
+    steps: tuple[tuple[NextStep, str], ...] = ()
 
 
-def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutline) -> Heading:
-    """Return the heading of the comparison ``name``."""
+def comparison_heading(
+    name: str, facts: Sequence[Fact], outline: ComparisonOutline, stated: Stated | None = None
+) -> Heading:
+    """Return the heading of the comparison ``name``; ``stated`` is as :func:`next_steps` takes it."""
     result = outline.result
     a, b = result.sides
     verdict = verdict_of(result)
@@ -67,6 +89,7 @@ def comparison_heading(name: str, facts: Sequence[Fact], outline: ComparisonOutl
         scores=tuple(_scores(result)),
         notes=sum(map(len, result.notes.values())),
         endoct=result.versions.get("endoct", ""),
+        steps=tuple((step, step.command(result, f"{name}-again")) for step in next_steps(result, stated or {})),
     )
 
 
@@ -109,13 +132,16 @@ def document(
     *,
     remark: str = "",
     above: Link | None = None,
+    manual: str = "",
     **values: object,
 ) -> Markup:
     """Return the page that a ``template`` makes of ``values``, by which its style and program come.
 
-    ``above`` leads to what it is one of; ``remark`` is said at its end.
+    ``above`` leads to what it is one of; ``manual`` is the address of the manuals, "" where there are none; ``remark``
+    is said at its end.
     """
-    said = {"heading": heading, "sections": sections, "remark": remark, "above": above}
+    said = {"heading": heading, "sections": sections, "remark": remark, "above": above, "manual": manual}
+    said |= {"words": words, "program_words": words_json(manual)}
     return rendered(template, title=heading.title, research=RESEARCH, **said, **values)
 
 

@@ -5,8 +5,8 @@ one small array, from which the page builds the wall in three dimensions.
 """
 
 import io
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict
 
@@ -22,9 +22,10 @@ from endoct.base.compute.parallel import thread_map
 from endoct.base.zarr.window import ChunkCache, stored_image
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
-from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
+from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, ComparisonOutline
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import rolled
+from endoct.fusion.result import Contradiction
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.fusion.sides import COLOURS
 from endoct.stitching.grid import SurfaceGrid
@@ -51,6 +52,11 @@ DRAWN = "drawn."
 DRAWN_COLOURS = (0x00, 0x9E, 0x73), (0xCC, 0x79, 0xA7), (0xD5, 0x5E, 0x00), (0x56, 0xB4, 0xE9), (0xF0, 0xE4, 0x42)
 CELL_COLOURS = COLOURS[ONLY_A], COLOURS[ONLY_B]
 """Colours of the cells of A and of B."""
+WALL, CONTRADICTIONS = "wall", "wall-contradictions"
+"""How keys of the one wall of both sides begin, and the key of the rings around its contradictions."""
+WALL_COLOUR, RING_COLOUR = (0x5B, 0x3A, 0x9E), (0xC0, 0x10, 0x30)
+RING_MM, RING_POINTS = 0.1, 33
+"""How far a ring lies around what it marks, and its points, the first one twice."""
 MOST_SAMPLES = 350_000
 """Samples of a relief: 0.7 MB, and few enough corners for any machine to draw smoothly."""
 FINEST_LEVEL = 2
@@ -195,16 +201,42 @@ def comparison_layers(
     for k, side in enumerate(outline.names):
         for name, plane in images[k]:
             yield Described(layer := scalar(plane), _scalar_part(side, name, layer.low, layer.high, plane, wall))
-        shown = ClassPart("no cell", _hex(COLOURS[NEITHER])), ClassPart("cell", _hex(CELL_COLOURS[k]))
+        shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(CELL_COLOURS[k]))
         part = _classes_part(f"{side}-{CELLS}", f"{side}: cells", side, shown, masks[k], wall)
         yield Described(Classes((masks[k],), (COLOURS[NEITHER], CELL_COLOURS[k])), part)
     yield from _drawn_layers(folder, outline.names[0], wall, cache)
+    if outline.alignment is not None and (folder / WALL_STORE).is_dir():
+        yield from _wall_layers(folder / WALL_STORE, placing_of(outline.grid), wall, cache)
     if outline.alignment is not None:
         a, b = outline.names
         labels = {NEITHER: "neither", BOTH: "both", ONLY_A: f"only {a}", ONLY_B: f"only {b}"}
-        classes = tuple(ClassPart(labels[code], _hex(COLOURS[code])) for code in sorted(labels))
+        classes = tuple(ClassPart(labels[code], hex_of(COLOURS[code])) for code in sorted(labels))
         part = _classes_part(DIFFERENCE, "cells: difference", None, classes, masks[0], wall)
         yield Described(Classes(tuple(masks), COLOURS), part)
+
+
+def _wall_layers(store: Path, placing: Placing, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
+    """Yield relief and cells of the one wall of both sides."""
+    relief = _plane(store, "depth_mm", (), placing, wall, cache)
+    layer = scalar(relief)
+    part = _scalar_part(WALL, "depth_mm", layer.low, layer.high, relief, wall)
+    yield Described(layer, replace(part, side=None))
+    cells = Plane(stored_image(store / "cell_probability", cache, ()), None, placing, wall.radius_mm)
+    shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(WALL_COLOUR))
+    part = _classes_part(f"{WALL}-{CELLS}", f"{WALL}: {CELLS}", None, shown, cells, wall)
+    yield Described(Classes((cells,), (COLOURS[NEITHER], WALL_COLOUR)), part)
+
+
+def rings(contradictions: Iterable[Contradiction], radius_mm: float) -> tuple[tuple[float, ...], ...]:
+    """Return a ring around each contradiction as flat (θ rad, z mm, θ, z, …); its θ runs on beyond a turn."""
+    turn_rad = np.linspace(0, 2 * np.pi, RING_POINTS)
+    lines = []
+    for each in contradictions:
+        around_mm = np.sqrt(each.area_mm2 / np.pi) + RING_MM
+        theta_rad = each.theta_rad + around_mm / radius_mm * np.cos(turn_rad)
+        flat = np.round(np.stack([theta_rad, each.z_mm + around_mm * np.sin(turn_rad)], axis=1), DECIMALS).ravel()
+        lines.append(tuple(flat.tolist()))
+    return tuple(lines)
 
 
 def _drawn_layers(folder: Path, side: str, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
@@ -215,7 +247,7 @@ def _drawn_layers(folder: Path, side: str, wall: TileWall, cache: ChunkCache) ->
     for k, title in enumerate(drawn.titles):
         plane = _plane(folder / DRAWN_STORE, "mask", (k,), placing_of(drawn.grid), wall, cache)
         colour = DRAWN_COLOURS[k % len(DRAWN_COLOURS)]
-        shown = ClassPart("no cell", _hex(COLOURS[NEITHER])), ClassPart("cell", _hex(colour))
+        shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(colour))
         part = _classes_part(f"{DRAWN}{k + 1}", f"drawn: {title}", side, shown, plane, wall)
         yield Described(Classes((plane,), (COLOURS[NEITHER], colour)), part)
 
@@ -290,7 +322,8 @@ def _sampling(plane: Plane, wall: TileWall) -> _Sampling:
     return {"finest_level": wall.level_for(min(row_mm, column_mm)), "row_mm": row_mm, "column_mm": column_mm}
 
 
-def _hex(colour: tuple[int, int, int]) -> str:
+def hex_of(colour: tuple[int, int, int]) -> str:
+    """Return a colour as "#e69f00"."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 

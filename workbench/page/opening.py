@@ -4,6 +4,7 @@ The cells of a comparison become rows of a table: what each measures, and what t
 a truth, the rows also say whether it has a cell there.
 """
 
+import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,6 +19,7 @@ from endoct.base.zarr.zarr_store import read_arrays
 from endoct.fusion.files.masks import DRAWN_STORE, MAJORITY, read_drawn
 from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
 from endoct.fusion.files.store import read_outline as read_comparison
+from endoct.fusion.result import Contradiction
 from endoct.fusion.scoring.cells import OBSERVED, Cell
 from endoct.stitching.store import PanoramaOutline
 from endoct.stitching.store import read_outline as read_panorama
@@ -27,12 +29,17 @@ from endoct.workbench.page.drawn_masks import DrawnMasks
 from endoct.workbench.page.heading import Fact, Heading, comparison_heading, panorama_heading
 from endoct.workbench.page.layers import (
     CELLS,
+    CONTRADICTIONS,
     DIFFERENCE,
+    RING_COLOUR,
+    WALL,
     Classes,
     Described,
     comparison_layers,
+    hex_of,
     is_drawn_key,
     panorama_layers,
+    rings,
     wall_of,
 )
 from endoct.workbench.page.presence import Origin
@@ -87,8 +94,12 @@ def opened_comparison(origin: Origin) -> Shown:
         frames_part(name, side.outline, outline.alignment if k else None, side.pictures, side.reader)
         for k, (name, side) in enumerate(sides.items())
     ]
+    contradictions = (
+        () if outline.result.wall is None or outline.alignment is None else outline.result.wall.contradictions
+    )
     real = cells_by_truth(folder, outline.names) if outline.cells else {}
-    heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline)
+    stated = {name: side.provenance for name, side in zip(outline.names, outlines, strict=True)}
+    heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline, stated)
     description = Description(
         title=heading.title,
         verdict=_spoken_against(heading),
@@ -96,8 +107,8 @@ def opened_comparison(origin: Origin) -> Shown:
         sides=outline.names,
         wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
         layers=tuple(one.part for one in described),
-        outlines=tuple(_outlines(described)),
-        cells=tuple(cell_parts(outline.cells, outline.names, real, aligned=aligned)),
+        outlines=(*_outlines(described, outline.names[0]), *_rings_part(contradictions, outline.names[0])),
+        cells=tuple(cell_parts(outline.cells, outline.names, real, contradictions, aligned=aligned)),
         frames=tuple(frames),
         panes=_first_panes(described, outline),
         has_common_places=aligned,
@@ -106,7 +117,8 @@ def opened_comparison(origin: Origin) -> Shown:
     layers = {one.part.key: one.layer for one in described}
     sections, session = comparison_sections(outline.result), session_of(origin, outline, (outlines[0], outlines[1]))
     masks = DrawnMasks(origin, outline, {name: side.outline for name, side in sides.items()}, session.refused)
-    return Shown(heading, sections, description, wall, layers, origin, sides, session, masks)
+    rings_by_key = {CONTRADICTIONS: rings(contradictions, wall.radius_mm)} if contradictions else {}
+    return Shown(heading, sections, description, wall, layers, origin, sides, session, masks, rings=rings_by_key)
 
 
 def opened_panorama(origin: Origin) -> Shown:
@@ -154,12 +166,20 @@ def _facts(file: Path, wall: TileWall) -> tuple[Fact, ...]:
     )
 
 
-def _outlines(described: Iterable[Described]) -> Iterator[OutlinePart]:
+def _outlines(described: Iterable[Described], frame_of: str) -> Iterator[OutlinePart]:
     for one in described:
-        if one.part.key != DIFFERENCE and isinstance(one.layer, Classes) and one.part.side is not None:
+        if one.part.key == f"{WALL}-{CELLS}":
+            yield OutlinePart(one.part.key, frame_of, WALL, one.part.classes[-1].colour, is_drawn=True)
+        elif one.part.key != DIFFERENCE and isinstance(one.layer, Classes) and one.part.side is not None:
             side, colour, is_drawn = one.part.side, one.part.classes[-1].colour, is_drawn_key(one.part.key)
             title = one.part.title if is_drawn else side
             yield OutlinePart(one.part.key, side, title, colour, is_drawn)
+
+
+def _rings_part(contradictions: Sequence[Contradiction], frame_of: str) -> Iterator[OutlinePart]:
+    if contradictions:
+        title = f"{len(contradictions)} contradiction{'s' if len(contradictions) != 1 else ''}"
+        yield OutlinePart(CONTRADICTIONS, frame_of, title, hex_of(RING_COLOUR), is_drawn=True)
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:
@@ -178,13 +198,24 @@ def _name(path: Path) -> str:
 
 
 def cell_parts(
-    cells: Sequence[Cell], names: tuple[str, str], real: Mapping[tuple[str, int], bool], *, aligned: bool
+    cells: Sequence[Cell],
+    names: tuple[str, str],
+    real: Mapping[tuple[str, int], bool],
+    contradictions: Sequence[Contradiction] = (),
+    *,
+    aligned: bool,
 ) -> Iterator[CellPart]:
-    """Yield every cell as the page shows it; ``real`` by side and number as :func:`cells_by_truth` has it."""
+    """Yield every cell as the page shows it; ``real`` by side and number as :func:`cells_by_truth` has it.
+
+    A cell that is one of the ``contradictions`` says so.
+    """
+    contradicted = [(each.shown_by, each.theta_rad, each.z_mm) for each in contradictions]
     for cell in cells:
         other = names[1] if cell.side == names[0] else names[0]
         is_real = real.get((cell.side, cell.id))
         state, why = _seen(cell, other, aligned=aligned)
+        if any(_is_there(cell, *place) for place in contradicted):
+            why += ", surely: the two contradict each other"
         truth = "" if is_real is None else f"; the truth has {'a cell' if is_real else 'no cell'} there"
         yield CellPart(
             side=cell.side,
@@ -208,6 +239,12 @@ def cell_parts(
             why=why + truth,
             is_real=is_real,
         )
+
+
+def _is_there(cell: Cell, side: str, theta_rad: float, z_mm: float) -> bool:
+    """Say whether a cell of ``side`` has its middle at a place, to within its radius along the bore and 10°."""
+    near_rad = abs(math.remainder(cell.theta_rad - theta_rad, 2 * math.pi))
+    return cell.side == side and near_rad < math.radians(10) and abs(cell.z_mm - z_mm) < cell.diameter_mm / 2
 
 
 def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:

@@ -29,6 +29,7 @@ from endoct.workbench.page.layers import png_of
 from endoct.workbench.page.presence import Gone, Origin, concerning
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
+from endoct.workbench.report.manual import manual_page
 
 FRESH = {"cache-control": "no-store"}
 LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
@@ -165,7 +166,7 @@ def app_for(shown: Shown, host: str, port: int, above: Link | None = None) -> St
     """
     return Starlette(
         lifespan=few_threads,
-        routes=[*_Answers(shown, above).routes(), Route("/{name}", asset)],
+        routes=[*_Answers(shown, above).routes(), MANUAL, Route("/{name}", asset)],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port))],
         exception_handlers=ANSWERS_TO_ERRORS,
     )
@@ -211,7 +212,9 @@ class _Answers:
         """Answer with the page itself."""
         shown = self._shown
         output = shown.origin.digest
-        html = document("page/served.html", shown.heading, shown.sections, above=self._above, output=output)
+        html = document(
+            "page/served.html", shown.heading, shown.sections, above=self._above, manual="manual/", output=output
+        )
         return HTMLResponse(html, headers=FRESH)
 
     def description(self, _: Request) -> Response:
@@ -271,6 +274,17 @@ def asset(request: Request) -> Response:
         return PlainTextResponse("there is no such page", status_code=404)
     content = files(PACKAGE).joinpath("bundle", name).read_bytes()
     return Response(content, media_type=f"{TYPES[name]}; charset=utf-8", headers={"cache-control": "no-cache"})
+
+
+def manual(request: Request) -> Response:
+    """Answer with a page of the manuals, which ship with the program."""
+    page = manual_page(request.path_params["page"])
+    if page is None:
+        return PlainTextResponse("there is no such page in the manual", status_code=404)
+    return HTMLResponse(page, headers={"cache-control": "no-cache"})
+
+
+MANUAL = Route("/manual/{page:path}", manual)
 
 
 def whole_number(text: str) -> int:

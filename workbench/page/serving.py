@@ -16,7 +16,7 @@ from functools import partial
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from pathlib import Path
 from types import FrameType
-from urllib.parse import parse_qs, unquote_to_bytes
+from urllib.parse import parse_qs, quote, unquote_to_bytes
 
 import uvicorn
 from starlette.applications import Starlette
@@ -28,6 +28,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.files import path_text
 from endoct.workbench.page.collection import (
     PAGES,
     Entry,
@@ -38,11 +39,13 @@ from endoct.workbench.page.collection import (
     read_collection,
     thumbnail,
 )
+from endoct.workbench.page.heading import Link
 from endoct.workbench.page.opening import can_be_shown, open_shown
 from endoct.workbench.page.presence import NAMED
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
     KEPT,
+    MANUAL,
     Guard,
     Page,
     allowed_hosts,
@@ -167,13 +170,21 @@ def _bound_address(listening: socket.socket) -> IPv4Address | IPv6Address:
 class Collection:
     """The ``entries`` that were found in ``folder`` when it was looked into last, and the pages that were opened.
 
-    Pages lie below the address ``pages``, and lead back to ``above``.
+    Pages lie below the address ``pages``, and lead back to ``above``, which ``runs`` commands or does not.
     """
 
-    def __init__(self, folder: Path, entries: tuple[Entry, ...] = (), above: str = "/", pages: str = PAGES) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        entries: tuple[Entry, ...] = (),
+        above: str = "/",
+        pages: str = PAGES,
+        *,
+        runs: bool = False,
+    ) -> None:
         self.title = folder.resolve().name or str(folder.resolve())
         self.pages = pages
-        self._folder, self._above = folder, above
+        self._folder, self._above, self._runs = folder, above, runs
         self._entries = entries
         self._tables: OrderedDict[str, tuple[Entry, ...]] = OrderedDict()
         self._pages: OrderedDict[str, ASGIApp] = OrderedDict()
@@ -225,7 +236,9 @@ class Collection:
 
         with self._lock:
             if entry.name not in self._pages:
-                self._pages[entry.name] = Page(opened(), opened, host, port, (self._above, self.title))
+                again = f"{self._above}?of={quote(path_text(entry.name))}" if self._runs else ""
+                above = Link(self._above, self.title, again)
+                self._pages[entry.name] = Page(opened(), opened, host, port, above)
                 while len(self._pages) > MOST_OPEN:
                     self._pages.popitem(last=False)
             self._pages.move_to_end(entry.name)
@@ -272,6 +285,7 @@ def collection_app(collection: Collection, host: str, port: int) -> Starlette:
         routes=[
             Route("/", table),
             Route("/thumbnails/{version}/{number}.png", picture),
+            MANUAL,
             Route("/{name}", asset),
         ],
         middleware=[Middleware(Guard, hosts=allowed_hosts(host, port)), Middleware(_PagesFirst, page=page)],

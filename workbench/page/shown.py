@@ -49,7 +49,7 @@ class Shown:
     """A comparison, or a panorama, opened for the page: ``heading`` and ``sections`` are its text.
 
     The ``description`` is for its program, ``layers`` are by key and ``sides`` by name; ``origin`` is where it lies,
-    ``session`` has the landmarks of a comparison, ``masks`` what was drawn on it.
+    ``session`` has the landmarks of a comparison, ``masks`` what was drawn on it, ``rings`` lines besides its cells'.
     """
 
     heading: Heading
@@ -62,6 +62,7 @@ class Shown:
     session: Sessions | None = None
     masks: DrawnMasks | None = None
     panorama: Path | None = None
+    rings: dict[str, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
 
     def tile(self, key: str, tile: Tile) -> Pillow.Image:
         """Return a tile of the layer ``key``. Raises :class:`NoSuchTile` where there is no such tile."""
@@ -81,8 +82,10 @@ class Shown:
 
     def outlines(self) -> dict[str, tuple[tuple[float, ...], ...]]:
         """Return the outlines of cells by layer, as :func:`~endoct.workbench.page.layers.outlines` has them."""
-        parts = [(part.layer, self.layers[part.layer]) for part in self.description.outlines]
-        return {key: outlines(layer.planes[0]) for key, layer in parts if isinstance(layer, Classes)}
+        parts = [
+            (part.layer, self.layers[part.layer]) for part in self.description.outlines if part.layer in self.layers
+        ]
+        return self.rings | {key: outlines(layer.planes[0]) for key, layer in parts if isinstance(layer, Classes)}
 
     def relief(self, key: str, most_samples: int = MOST_SAMPLES) -> bytes:
         """Return the layer ``key`` as :func:`~endoct.workbench.page.layers.relief_bytes` has it.

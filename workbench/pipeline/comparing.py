@@ -23,7 +23,7 @@ from endoct.fusion.sides import Comparison, Placed
 from endoct.fusion.wall.bounds import bounds_of, doubts_of_bounds
 from endoct.fusion.wall.cells import WallCell, join, write_wall_cells
 from endoct.modalities.acquisition import validate
-from endoct.stitching.panorama import Panorama
+from endoct.stitching.panorama import TRAVEL_BY_DEFAULT, Panorama
 from endoct.stitching.store import save_notes, save_panorama
 from endoct.workbench.pipeline.drawn_before import calibration_by
 from endoct.workbench.pipeline.hand_masks import (
@@ -43,7 +43,7 @@ from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import Scheduler, Task
 from endoct.workbench.settings import parse
 from endoct.workbench.sides.recipes import with_recipe
-from endoct.workbench.sides.recordings import TRAVEL_BY_DEFAULT, Unrolled
+from endoct.workbench.sides.recordings import Unrolled
 from endoct.workbench.sides.sources import (
     Ready,
     Source,
@@ -142,6 +142,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     joint = {
         "wall": None if joined is None else joined.summary,
         "bounds": bounds,
+        "asked": request.asked(),
         "doubts": (*doubts_of_bounds(bounds, asked=by is not None), *found),
     }
     comparison = replace(comparison, result=comparison.result.model_copy(update=joint), wall=wall)

@@ -6,12 +6,12 @@ from types import MappingProxyType
 
 from markupsafe import Markup
 
-from endoct.fusion.registration.align import BELIEVABLE
 from endoct.fusion.result import Result
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.findings import Findings, overlaps_of
 from endoct.workbench.report.html_templates import rendered, rendered_blocks
+from endoct.workbench.report.manual import words
 from endoct.workbench.report.per_frame import number_rows
 from endoct.workbench.report.side_findings import SideFindings, flag_rows
 from endoct.workbench.report.tables import (
@@ -25,6 +25,8 @@ from endoct.workbench.report.tables import (
 )
 from endoct.workbench.report.wording import leaf_rows
 
+PAGE_WORDS = ("Jaccard index", "Dice index", "Place", "Common grid", "Confidence", "Observed", "Doubt", "Note")
+"""Words of the glossary that a report explains."""
 TITLES: Mapping[str, str] = MappingProxyType(
     {
         "panoramas": "Panoramas",
@@ -69,7 +71,8 @@ def comparison_sections(result: Result, figures: Mapping[str, Markup] = NO_FIGUR
     texts = rendered_blocks(
         "report/comparison.html",
         result=result,
-        believable=BELIEVABLE,
+        words=words,
+        page_words=PAGE_WORDS,
         overlaps=overlaps_of(result),
         notes=notes,
         seconds=[(name, f"{value:.1f} s") for name, value in result.seconds.items()],

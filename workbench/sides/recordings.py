@@ -25,7 +25,7 @@ from endoct.modalities.contract import (
 from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.modalities.recognition import recognise
-from endoct.stitching.panorama import Panorama, doubts_of_observed
+from endoct.stitching.panorama import TRAVEL_BY_DEFAULT, Panorama, doubts_of_observed
 from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.progress import Advance, Stages
 from endoct.workbench.running.scheduler import in_background
@@ -34,9 +34,6 @@ from endoct.workbench.sides.recipes import with_recipe
 
 if TYPE_CHECKING:  # else the process that unrolls the second side would load what reads command lines
     from endoct.workbench.requests import RecipeName
-
-TRAVEL_BY_DEFAULT = "travel_by_default"
-"""Under this name a panorama's provenance has the direction of travel that no sidecar, file or setting states."""
 
 
 @dataclass(frozen=True)

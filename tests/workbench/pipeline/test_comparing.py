@@ -8,8 +8,8 @@ import pytest
 from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import DrawnMask, Side
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import TRAVEL_BY_DEFAULT
 from endoct.workbench.pipeline.comparing import in_order, notes_on_travel
-from endoct.workbench.sides.recordings import TRAVEL_BY_DEFAULT
 
 GRID = SurfaceGrid.full_circle(2, 8, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
 DRAWN = DrawnMask(GRID, np.eye(2, 8, dtype=np.bool_), "anna", "1")

@@ -1,6 +1,7 @@
 /** The table of cells: sorted, filtered, and linked to the panes. */
 
 import type { CellPart, CellState } from "./description";
+import { explain } from "./explain";
 import { LEGEND, brief, cellsAsCsv, number } from "./cell_words";
 import { button, download, element, select } from "./dom";
 import type { Paths } from "./marks";
@@ -80,7 +81,7 @@ export class CellTable {
     });
     this.body.addEventListener("keydown", (event) => this.step(event));
     this.element.append(
-      element("h2", {}, "Cells ", this.count, filters, button("CSV", "save the cells that are listed, as cells.csv has them", null, () => this.save())),
+      element("h2", {}, "Cells ", explain("cell"), this.count, filters, button("CSV", "save the cells that are listed, as cells.csv has them", null, () => this.save())),
       element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body)),
       element("p", { class: "legend" }, ...LEGEND.filter(([, of]) => state.description.cells.some(of)).map(([text]) => element("span", {}, text))),
       this.about,

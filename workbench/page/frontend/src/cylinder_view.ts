@@ -131,7 +131,8 @@ export class CylinderView {
     const { layers } = this.state.description;
     const side = this.state.layer(this.layer).side;
     const shapes = layers.filter((one) => one.kind === "scalar" && one.unit === "mm" && this.state.isCommon(one.side, side));
-    if (this.shape !== VOLUME && !shapes.some((one) => one.key === this.shape)) this.shape = (shapes.find((one) => one.key.endsWith("-relief")) ?? shapes[0])?.key ?? SMOOTH; // depth by parallax is ragged
+    if (this.shape !== VOLUME && !shapes.some((one) => one.key === this.shape)) this.shape = [(one: string): boolean => one === "wall-relief", (one: string): boolean => one.endsWith("-relief"), (): boolean => true] // depth by parallax is ragged
+      .map((fits) => shapes.find((one) => fits(one.key))).find((one) => one !== undefined)?.key ?? SMOOTH;
     const layer = select("what the cylinder shows", layers.map((one) => [one.key, one.title] as const), this.layer, (key) => {
       this.layer = key;
       this.element.querySelector("header")?.replaceChildren(...this.choices(), ...this.element.querySelectorAll("header .close"));

@@ -2,6 +2,7 @@
 
 import { ask, message, named, post, type Run } from "./desk_server";
 import { button, element } from "./dom";
+import { explain } from "./explain";
 
 const EVERY_MS = 700;
 const IDLE_MS = 3000;
@@ -21,7 +22,7 @@ export class QueuePanel {
   /** `ended` is called whenever a run has ended; `folder` is the one that is open. */
   constructor(private readonly root: string, private readonly folder: string, private readonly ended: () => void) {
     const clear = button("clear", "take off the list what has ended; outputs stay", null, () => void this.act("clear"));
-    this.element.append(element("h2", {}, "Queue", this.count, clear), this.fault, this.list);
+    this.element.append(element("h2", {}, "Queue", explain("queue"), this.count, clear), this.fault, this.list);
     void this.follow();
   }
 

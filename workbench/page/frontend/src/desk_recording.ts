@@ -2,11 +2,15 @@
 
 import { ask, message, named, post, type Preview, type Sidecar, type SidecarField } from "./desk_server";
 import { button, element, select } from "./dom";
+import { explain } from "./explain";
 import { CurveStyles, drawPicture } from "./frame_picture";
 import type { FramePicture } from "./source";
+import { travelFigure } from "./travel";
 
 const WAIT_MS = 300;
 const SLOW_MS = 1500;
+/** Keys that nobody has to state, and that decide how the bore lies. */
+const ORIENTING: readonly string[] = ["travel", "handedness"];
 const SLOW = "Drawing… The first recording of its kind takes longer: slow parts are compiled once.";
 
 export async function showRecording(main: HTMLElement): Promise<void> {
@@ -18,6 +22,7 @@ class RecordingPage {
   private readonly form = element("form", { class: "sidecar" });
   private readonly pictures = element("div", { class: "pictures" });
   private readonly said = element("p", { role: "status" });
+  private readonly travel = element("div");
   private readonly fault = element("p", { class: "fault", role: "alert" });
   private readonly place = element("input", { type: "range", min: "0", max: "1", step: "0.005", value: "0.5", "aria-label": "which frame" });
   private readonly frame = element("span", { class: "frame" });
@@ -44,8 +49,8 @@ class RecordingPage {
   async start(): Promise<void> {
     this.main.append(element("div", { class: "columns recording" },
       element("section", { class: "card" }, element("h2", {}, "A frame, as the sidecar has it"),
-        element("div", { class: "line" }, this.place, this.frame), this.said, this.pictures),
-      element("section", { class: "card" }, element("h2", {}, "Sidecar"), this.fault, this.form)));
+        element("div", { class: "line" }, this.place, this.frame), this.said, this.travel, this.pictures),
+      element("section", { class: "card" }, element("h2", {}, "Sidecar", explain("sidecar")), this.fault, this.form)));
     await this.load(null);
   }
 
@@ -73,7 +78,7 @@ class RecordingPage {
     this.controls.clear();
     // of keys of which one will do, all are offered until one is there
     const isOpen = (why: string): boolean => why !== "" && Object.keys(sidecar.missing).some((key) => key.startsWith("one of") && sidecar.missing[key] === why);
-    const rank = (field: SidecarField): number => (field.value ? 2 : field.required ? 0 : isOpen(field.one_of) ? 1 : 3);
+    const rank = (field: SidecarField): number => (field.value ? 2 : field.required ? 0 : isOpen(field.one_of) ? 1 : ORIENTING.includes(field.key) ? 2 : 3);
     const chief = sidecar.fields.filter((field) => rank(field) < 3).sort((a, b) => rank(a) - rank(b));
     const others = sidecar.fields.filter((field) => rank(field) === 3);
     this.form.replaceChildren(
@@ -88,7 +93,7 @@ class RecordingPage {
     const from = field.cited ? " (from the calibration)" : field.stated ? ` (stated by ${this.sidecar?.stated_by || "the files"})` : usual && field.kind === "choice" ? " (taken where nothing is said)" : "";
     let control: HTMLInputElement | HTMLSelectElement;
     if (field.kind === "choice") {
-      control = element("select", {}, element("option", { value: "" }, usual ? `${usual}${from}` : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));
+      control = element("select", {}, element("option", { value: "" }, usual ? (from.endsWith("said)") ? `not stated: ${usual} is taken` : `${usual}${from}`) : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));
     } else {
       control = element("input", { type: "text", spellcheck: "false", placeholder: usual + from });
       if (field.kind === "number") control.inputMode = "decimal";
@@ -113,7 +118,16 @@ class RecordingPage {
     return texts;
   }
 
+  private drawTravel(): void {
+    const field = this.sidecar?.fields.find((each) => each.key === "travel");
+    const chosen = this.controls.get("travel")?.value;
+    const taken = field ? field.cited || field.stated || field.default : "";
+    const by = chosen ? "" : field?.cited || field?.stated ? "(as the files say)" : "(taken where nothing is said)";
+    this.travel.replaceChildren(...(field ? [travelFigure(chosen || taken, by, Number(this.place.value))] : []));
+  }
+
   private later(): void {
+    this.drawTravel();
     window.clearTimeout(this.timer);
     this.timer = window.setTimeout(() => void this.preview(), WAIT_MS);
   }

@@ -23,6 +23,16 @@ export interface Found {
   pairs: [endoscope: string, oct: string][];
 }
 
+/** What can be done about a result; `values` of a form that compares again. */
+export interface NextStep {
+  does: "compare" | "other" | "show" | "read" | "landmarks" | "draw" | "describe" | "nothing";
+  what: string;
+  why: string;
+  /** The recording that it concerns. */
+  recording: string;
+  values?: Values;
+}
+
 export interface Result {
   name: string;
   kind: "comparison" | "recording" | "specimen";
@@ -32,6 +42,7 @@ export interface Result {
   jaccard: number | null;
   interval: [number, number] | null;
   doubts: string[];
+  steps: NextStep[];
   written: string;
   fault: string;
   address: string;

@@ -4,7 +4,9 @@ import { openForm } from "./desk_form";
 import { takeDropped } from "./desk_drop";
 import { QueuePanel } from "./desk_queue";
 import { ask, message, named, post, type Form, type Found, type Item, type Result, type Unread, type Values } from "./desk_server";
+import { followAddress, stepsOf, type Study } from "./desk_steps";
 import { button, element } from "./dom";
+import { explain } from "./explain";
 
 const LOOK_MS = 600;
 const LEVELS = { trusted: "trusted", uncertain: "uncertain", doubted: "doubted", unaligned: "not aligned" };
@@ -24,6 +26,10 @@ class StudyPage {
   private forms: Record<string, Form> = {};
   private found: Found = { looking: true, fault: "", inputs: [], unread: { count: 0, files: [] }, pairs: [] };
   private entries: Result[] = [];
+  private readonly study: Study = {
+    form: (command) => this.forms[command], inputs: () => this.found.inputs, paths: () => this.paths(), free: (name) => this.free(name),
+    queued: () => this.queue.follow(), refuse: (text) => (this.fault.textContent = text),
+  };
 
   constructor(private readonly main: HTMLElement) {
     const root = main.dataset["root"] ?? "";
@@ -31,7 +37,7 @@ class StudyPage {
   }
 
   async start(): Promise<void> {
-    const head = (...titles: string[]): HTMLElement => element("thead", {}, element("tr", {}, ...titles.map((title) => element("th", { scope: "col" }, title))));
+    const head = (...titles: string[]): HTMLElement => element("thead", {}, element("tr", {}, ...titles.map((title) => element("th", { scope: "col" }, title, explain(title)))));
     const look = button("look again", "look through the folder once more", null, () => void this.look());
     const simulate = button("simulate…", "make a specimen with known truth in this folder", null, () => this.run("simulate", { output: this.free("specimen-1"), preset: "quick", seed: 0 }));
     this.main.append(
@@ -50,6 +56,7 @@ class StudyPage {
     }
     takeDropped(this.main, (said) => (this.said.textContent = said), (fault) => (this.fault.textContent = fault), () => void this.look());
     await this.showAll();
+    followAddress(this.entries, this.study);
   }
 
   /** Look through the folder anew. */
@@ -160,8 +167,11 @@ class StudyPage {
 
   private run(command: string, given: Values): void {
     const form = this.forms[command];
-    const paths = [...this.found.inputs.map((item) => item.name), ...this.entries.filter((entry) => !entry.fault).map((entry) => entry.name)];
-    if (form) openForm(form, given, paths, () => void this.queue.follow());
+    if (form) openForm(form, given, this.paths(), () => void this.queue.follow());
+  }
+
+  private paths(): string[] {
+    return [...this.found.inputs.map((item) => item.name), ...this.entries.filter((entry) => !entry.fault).map((entry) => entry.name)];
   }
 
   /** A name that no result has: the suggested one, with a number where that is taken. */
@@ -181,7 +191,7 @@ class StudyPage {
       return;
     }
     this.showInputs();
-    const rows = this.entries.filter((entry) => entry.kind !== "specimen").map(resultRow);
+    const rows = this.entries.filter((entry) => entry.kind !== "specimen").map((entry) => resultRow(entry, stepsOf(entry, this.study)));
     this.results.replaceChildren(...(rows.length ? rows : [element("tr", {}, element("td", { colspan: "6" }, element("small", {}, "None yet. Unroll a recording, or compare two.")))]));
   }
 }
@@ -195,13 +205,13 @@ function unreadFiles(unread: Unread | undefined, where: string): Node[] {
   return [element("details", {}, element("summary", {}, summary), element("ul", {}, ...lines.map((line) => element("li", {}, line))))];
 }
 
-function resultRow(entry: Result): HTMLElement {
+function resultRow(entry: Result, steps: readonly HTMLElement[]): HTMLElement {
   const interval = entry.interval ? ` (${entry.interval.map((end) => end.toFixed(2)).join("–")})` : "";
   return element("tr", { "data-name": entry.name },
     element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
     element("td", {}, entry.address ? element("a", { href: entry.address }, entry.name) : entry.name, " ", element("small", {}, entry.about)),
     element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
-      : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, entry.level ? LEVELS[entry.level] : ""), element("small", {}, ` ${entry.headline}`))),
+      : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, entry.level ? LEVELS[entry.level] : ""), element("small", {}, ` ${entry.headline}`)), ...steps),
     element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
     element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
     element("td", {}, entry.written));

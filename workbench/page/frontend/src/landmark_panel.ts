@@ -1,6 +1,7 @@
 /** The list of landmark pairs: what each is for, how far apart its ends lie, and what all of them say together. */
 
 import { button, element, select } from "./dom";
+import { explain } from "./explain";
 import type { Distance, Distances, Judged, Pair, Role, SessionState } from "./landmarks";
 import type { Source } from "./source";
 import type { State } from "./state";
@@ -77,7 +78,7 @@ export class LandmarkPanel {
       made.disabled = !can;
       return made;
     };
-    this.heading.replaceChildren("Landmarks ", element("small", {}, landmarks.pairs.length ? `${landmarks.pairs.length}${landmarks.isSaved ? "" : ", not saved"}` : ""),
+    this.heading.replaceChildren("Landmarks ", explain("landmark pair") ?? "", element("small", {}, landmarks.pairs.length ? `${landmarks.pairs.length}${landmarks.isSaved ? "" : ", not saved"}` : ""),
       element("span", { class: "actions" },
         act("undo", "take back the last step (Ctrl+Z)", landmarks.canUndo, () => { landmarks.undo(); tell(); }),
         act("redo", "make it again (Ctrl+Shift+Z)", landmarks.canRedo, () => { landmarks.redo(); tell(); }),

@@ -54,6 +54,14 @@ export class Painter {
     this.state.tell("painting");
   }
 
+  /** Draw on `side`; what was drawn so far stays. */
+  beginOn(side: string): void {
+    const { painting } = this.state;
+    if (!painting.shapes.length) painting.begin(side, "cells");
+    painting.active = true;
+    this.state.tell("painting");
+  }
+
   /** Keys while a mask is drawn; say whether the key was meant so. */
   key(event: KeyboardEvent): boolean {
     const { painting } = this.state;

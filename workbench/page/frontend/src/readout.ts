@@ -64,7 +64,7 @@ export class Readout {
     for (const outline of this.state.description.outlines) {
       if (!this.state.isCommon(place?.side ?? null, outline.side)) continue;
       if (outline.is_drawn) {
-        rows.push([outline.title, inside && place && isOutlined(this.paths(), this.wall, outline.layer, place) ? "cell" : "–"]);
+        rows.push([outline.title, inside && place && isOutlined(this.paths(), this.wall, outline.layer, place) ? (outline.layer === "wall-contradictions" ? "here" : "cell") : "–"]);
         continue;
       }
       const cell = inside && place ? cellAt(this.state, this.paths(), this.wall, outline.layer, place) : null;

@@ -1,7 +1,7 @@
 /** What the page shows, and who is told when that changes. */
 
 import { type Colouring, firstColouring } from "./colouring";
-import type { CellPart, Description, LayerPart } from "./description";
+import type { CellPart, Description, LayerPart, OutlinePart } from "./description";
 import { Landmarks } from "./landmarks";
 import { Painting } from "./painting";
 import type { Place, Spot, View } from "./wall";
@@ -57,8 +57,9 @@ export class State {
     this.layers = new Map(description.layers.map((layer) => [layer.key, layer]));
     this.linked = description.has_common_places;
     // many raters' lines hide each other
-    const few = description.outlines.filter((outline) => outline.is_drawn).length <= MOST_DRAWN_AT_FIRST;
-    this.outlines = new Set(description.outlines.filter((outline) => few || !outline.is_drawn).map((outline) => outline.layer));
+    const isDrawn = (outline: OutlinePart): boolean => outline.is_drawn && !outline.layer.startsWith("wall-");
+    const few = description.outlines.filter(isDrawn).length <= MOST_DRAWN_AT_FIRST;
+    this.outlines = new Set(description.outlines.filter((outline) => outline.layer !== "wall-cells" && (few || !isDrawn(outline))).map((outline) => outline.layer));
     this.panes = description.panes.map((layer) => ({ layer, second: this.partnerOf(layer), mode: "single", share: 0.5 }));
     for (const layer of description.layers) this.colourings.set(layer.key, firstColouring(layer));
   }

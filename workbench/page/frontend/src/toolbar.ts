@@ -31,13 +31,18 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["Escape", "forget the marked place, the ruler, the selected cell"],
 ];
 
+const OF_WALL: Readonly<Record<string, string>> = {
+  "wall-cells": "outlines of the cells of the one wall of both sides",
+  "wall-contradictions": "where one side surely shows a cell, and the other surely shows wall",
+};
+
 export function toolbar(state: State, actions: Actions): HTMLElement {
   const bar = element("div", { class: "toolbar", role: "toolbar", "aria-label": "panes" });
   const draw = (): void => {
     const toggle = (label: string, title: string, on: boolean, act: () => void): HTMLButtonElement =>
       button(label, title, on, act);
     const outlines = state.description.outlines.map((outline) => {
-      const made = toggle(outline.title, outline.is_drawn ? "outlines of the cells as drawn by hand" : `outlines of the cells of ${outline.side}`, state.outlines.has(outline.layer), () => {
+      const made = toggle(outline.title, OF_WALL[outline.layer] ?? (outline.is_drawn ? "outlines of the cells as drawn by hand" : `outlines of the cells of ${outline.side}`), state.outlines.has(outline.layer), () => {
         if (!state.outlines.delete(outline.layer)) state.outlines.add(outline.layer);
         state.tell("marks");
         draw();

@@ -11,6 +11,7 @@ import type { Pair } from "./landmarks";
 import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
 import { MaskPanel } from "./mask_panel";
+import type { Tools } from "./next_steps";
 import { Painter } from "./painter";
 import { Pane } from "./pane";
 import { toShown } from "./placement";
@@ -77,6 +78,19 @@ export class Workspace {
     for (const change of ["marks", "cursor", "selection", "landmarks", "painting"] as const) this.state.on(change, () => this.redraw());
     document.addEventListener("keydown", (event) => this.key(event));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.state.tell("cursor")); // axes have its ink
+  }
+
+  /** What the steps of the heading lead to. */
+  get tools(): Tools {
+    const seen = (act: () => void): void => {
+      this.element.scrollIntoView({ block: "start" });
+      act();
+    };
+    return {
+      show: (z_mm) => seen(() => this.go(z_mm)),
+      landmarks: () => seen(() => this.state.landmarks.active || this.placer.toggle()),
+      draw: this.source.canSave ? (side): void => seen(() => this.painter.beginOn(side)) : null,
+    };
   }
 
   /** Plot how good every frame is, below. */
