@@ -1,7 +1,7 @@
 """The server of the page: its files, its description, tiles, values. It opens nothing but what it was given.
 
-Only the addresses at which the page asks about landmarks and drawings, and saves them, take what somebody sends. Only
-the page that the server served itself may ask, by the name under which the server was called.
+Only the addresses at which the page asks about landmarks and drawings, saves them, and exports, take what somebody
+sends. Only the page that the server served itself may ask, by the name under which the server was called.
 """
 
 import json
@@ -24,6 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError, cause_of, visible
 from endoct.base.files.files import SMALL_BYTES
+from endoct.workbench.page.exports import Exports
 from endoct.workbench.page.heading import Link, document
 from endoct.workbench.page.layers import png_of
 from endoct.workbench.page.presence import Gone, Origin, concerning
@@ -63,14 +64,15 @@ MOST_THREADS = 2
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
-async def _answer(act: Callable[[bytes], dict[str, Any]], origin: Origin, request: Request) -> Response:
-    """Answer with what ``act`` makes of the body."""
+async def _answer(act: Callable[[bytes], dict[str, Any] | Response], origin: Origin, request: Request) -> Response:
+    """Answer with what ``act`` makes of the body, as JSON where that is no answer yet."""
     data = await posted_json(request)
     if isinstance(data, Response):
         return data
     try:
         origin.check_named(request)
-        return Json(await run_in_threadpool(act, data), headers=FRESH)
+        answer = await run_in_threadpool(act, data)
+        return answer if isinstance(answer, Response) else Json(answer, headers=FRESH)
     except Gone:
         raise
     except EndoctError as error:
@@ -181,10 +183,12 @@ class _Answers:
     def routes(self) -> list[Route]:
         """Return the addresses; those of landmarks and drawings are there for a comparison only."""
         shown, origin = self._shown, self._shown.origin
+        exports = Exports(origin)
         asked: dict[str, Callable[[Request], Response]] = {
             "/": self.page,
             "/present": lambda _: Response(status_code=204, headers=FRESH),
             "/description.json": self.description,
+            "/exports.json": lambda _: Json(exports.listed(), headers=FRESH),
             "/outlines.json": lambda _: Json(shown.outlines(), headers=FRESH),
             "/values.json": self.values,
             "/relief/{version}/{key}.bin": self.relief,
@@ -193,7 +197,11 @@ class _Answers:
             "/reading/{side}": self.reading,
             "/tiles/{version}/{key}/{level}/{column}_{row}.png": self.tile,
         }
-        posted: dict[str, Callable[[bytes], dict[str, Any]]] = {}
+        posted: dict[str, Callable[[bytes], dict[str, Any] | Response]] = {
+            "/export-line.json": exports.command,
+            "/export.json": exports.save,
+            "/export": exports.download,
+        }
         if (session := shown.session) is not None:
             asked["/session.json"] = lambda _: Json(session.state(), headers=FRESH)
             posted |= {"/session.json": session.save, "/landmarks.json": session.judged_from}
