@@ -1,8 +1,6 @@
 """The figures of a report as vectors, for a paper: all of them in one PDF, or each as SVG with its caption."""
 
-import io
 from pathlib import Path
-from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from matplotlib import rc_context
@@ -13,7 +11,7 @@ from matplotlib.transforms import Bbox
 from endoct.base.errors import EndoctError
 from endoct.stitching.store import load_panorama
 from endoct.workbench.exporting.source import Source
-from endoct.workbench.report.figures.drawing import Keep, handed_to
+from endoct.workbench.report.figures.drawing import Keep, handed_to, svg_of
 from endoct.workbench.report.figures.rendered import Drawn, begin_both, begin_pictures, begin_wall, drawn_of
 from endoct.workbench.report.findings import read_findings
 from endoct.workbench.report.side_findings import recording_in
@@ -21,12 +19,6 @@ from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 from endoct.workbench.running.scheduler import ALONE
 
-_EDITABLE: Any = {  # Any: matplotlib types its keys as literals
-    "svg.fonttype": "none",
-    "svg.hashsalt": "endoct",
-    "pdf.fonttype": 42,
-}
-"""Text stays text, and the same figure gives the same bytes."""
 _FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 
 
@@ -36,7 +28,8 @@ def write_pdf(source: Source, path: Path, request: ExportRequest, stages: Stages
     Raises :class:`EndoctError` where ``source`` has no report.
     """
     del request
-    with rc_context(_EDITABLE), PdfPages(path, metadata={"CreationDate": None}) as pages:
+    editable = rc_context({"pdf.fonttype": 42})  # text stays text
+    with editable, PdfPages(path, metadata={"CreationDate": None}) as pages:
         figures = _drawn(source, stages, lambda figure, _, inked: pages.savefig(figure, bbox_inches=inked))
     return {"figures": len(figures)}
 
@@ -47,12 +40,10 @@ def write_svg(source: Source, path: Path, request: ExportRequest, stages: Stages
     Raises :class:`EndoctError` where ``source`` has no report.
     """
     del request
-    with rc_context(_EDITABLE), ZipFile(path, "w", ZIP_DEFLATED) as archive:
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
 
         def keep(figure: Figure, name: str, inked: Bbox) -> None:
-            file = io.BytesIO()
-            figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches=inked)
-            archive.writestr(_entry(f"{name}.svg"), file.getvalue(), ZIP_DEFLATED)
+            archive.writestr(_entry(f"{name}.svg"), svg_of(figure, inked), ZIP_DEFLATED)
 
         figures = _drawn(source, stages, keep)
         captions = "\n".join(f"{one.rendered.name}.svg: {one.title}. {one.caption}\n" for one in figures)

@@ -45,7 +45,12 @@ COLUMNS = (
 )  # fmt: skip
 PAGES = "/at"
 """Below this lie the pages of entries, by their names."""
-LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
+LEVELS: dict[Level, str] = {
+    "trusted": "trusted",
+    "uncertain": "uncertain",
+    "doubted": "doubted",
+    "unaligned": "not aligned",
+}
 STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
 """Height of a strip, greatest width of all together, and gap between two."""
 MOST_PX = 2000

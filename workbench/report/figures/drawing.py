@@ -116,6 +116,14 @@ Keep = Callable[[Figure, str, Bbox], None]
 _KEEP: ContextVar[Keep | None] = ContextVar("_KEEP", default=None)
 
 
+def svg_of(figure: Figure, inked: Bbox) -> bytes:
+    """Return what is ``inked`` of a figure as SVG; its text stays text, and the same figure gives the same bytes."""
+    file = io.BytesIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "endoct"}):
+        figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches=inked)
+    return file.getvalue()
+
+
 @contextmanager
 def handed_to(keep: Keep) -> Iterator[None]:
     """Have every figure that is rendered within the block handed to ``keep``, and no picture made of it."""
