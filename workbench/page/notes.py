@@ -7,7 +7,7 @@ from endoct.base.files.contents import whole_of
 from endoct.base.files.files import read_small
 from endoct.base.files.output import new_output
 
-NAME = "notes.txt"
+NAME = "endoct-note.txt"
 MOST_CHARACTERS = 20_000
 MOST_BYTES = 4 * MOST_CHARACTERS
 

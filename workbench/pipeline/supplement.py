@@ -51,17 +51,17 @@ def write_supplement(tables: Mapping[str, Sequence[Row]], request: SummariseRequ
     compared = [*first, *second]
     (folder / "figures").mkdir()
     drawn = draw_cohort(_cohort(first), folder / "figures")
-    for one in drawn:
-        (folder / "figures" / one.rendered.file).write_bytes(one.rendered.png)
+    for each in drawn:
+        (folder / "figures" / each.rendered.file).write_bytes(each.rendered.png)
     texts = rendered_blocks(
         "report/summary.html",
-        results=[_result_row(one) for one in compared],
+        results=[_result_row(each) for each in compared],
         summary=[_summary_row(row) for row in tables["summary"]],
         paired=[_row(row, *PAIRED) for row in tables["paired"]],
         repeats=[_row(row, *REPEATS) for row in tables["repeatability"]],
         how=f"Intervals hold {LEVEL * 100:.0f} %: {RESAMPLES} resamples over specimens, from the seed {SEED}.",
         line=_command(request),
-        inputs=[_input_row(one) for one in compared],
+        inputs=[_input_row(each) for each in compared],
     )
     page = printed_page(
         _heading(tables, first, Path(request.output or "").name), in_order(TITLES, numbered(drawn), texts), REMARK
@@ -77,17 +77,17 @@ def _command(request: SummariseRequest) -> str:
 
 def _cohort(compared: Sequence[Compared]) -> Cohort:
     """Return what is drawn of comparisons: of the two sides that most of them have."""
-    names = Counter(one.result.sides for one in compared if one.result.aligned).most_common(1)
+    names = Counter(each.result.sides for each in compared if each.result.aligned).most_common(1)
     sides = names[0][0] if names else compared[0].result.sides
-    alike = [one for one in compared if one.result.sides == sides and one.result.aligned]
-    cells = [areas_mm2(*sides, outline.cells) for one in alike if (outline := _outline(one.folder)) is not None]
+    alike = [each for each in compared if each.result.sides == sides and each.result.aligned]
+    cells = [areas_mm2(*sides, outline.cells) for each in alike if (outline := _outline(each.folder)) is not None]
     by_specimen: dict[str, list[float]] = {}
-    for one in alike:
-        if one.result.jaccard is not None:
-            by_specimen.setdefault(one.specimen, []).append(one.result.jaccard)
+    for each in alike:
+        if each.result.jaccard is not None:
+            by_specimen.setdefault(each.specimen, []).append(each.result.jaccard)
     return Cohort(
         sides,
-        [one.result for one in alike],
+        [each.result for each in alike],
         np.concatenate(cells) if cells else np.empty((0, 2)),
         {name: values for name, values in by_specimen.items() if len(values) > 1},
     )
@@ -99,7 +99,7 @@ def _outline(folder: Path) -> ComparisonOutline | None:
 
 
 def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], title: str) -> Heading:
-    levels = Counter(verdict_of(one.result).level for one in compared)
+    levels = Counter(verdict_of(each.result).level for each in compared)
     said = ", ".join(f"{levels[level]} {word}" for level, word in LEVELS.items() if levels[level])
     worst = next(level for level in reversed(LEVELS) if levels[level])
     of_first = {row["score"]: row for row in tables["summary"] if row["set"] == FIRST}
@@ -110,7 +110,7 @@ def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], 
     ]
     return Heading(
         title=f"{title}: {len(compared)} comparisons",
-        facts=(("sides", ", ".join(sorted({" and ".join(one.result.sides) for one in compared}))),),
+        facts=(("sides", ", ".join(sorted({" and ".join(each.result.sides) for each in compared}))),),
         verdict=Verdict(worst, f"Of {len(compared)} comparisons: {said}."),
         doubts=(),
         scores=tuple(scores),
@@ -119,17 +119,17 @@ def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], 
     )
 
 
-def _result_row(one: Compared) -> list[str]:
-    result = one.result
+def _result_row(each: Compared) -> list[str]:
+    result = each.result
     interval = result.overlap.jaccard_interval if result.overlap else None
     return [
-        path_text("/".join(one.folder.parts[-2:])),
+        path_text("/".join(each.folder.parts[-2:])),
         LEVELS[verdict_of(result).level],
         share_text(result.jaccard if result.aligned else None),
         interval_text(interval).removeprefix("95 % interval ") or NOTHING,
         share_text(result.dice if result.aligned else None),
         ", ".join(sorted({doubt.code for doubt in result.doubts})),
-        read_note(one.folder),
+        read_note(each.folder),
     ]
 
 
@@ -153,9 +153,9 @@ def _number(value: str | float | None) -> str:
     return f"{value:.3g}".replace("-", "−")
 
 
-def _input_row(one: Compared) -> list[str]:
-    stated = one.result.parameters.get("compare") or {}
+def _input_row(each: Compared) -> list[str]:
+    stated = each.result.parameters.get("compare") or {}
     usual = CompareParameters().model_dump(mode="json")
     changed = [f"{name} = {value}" for name, value in stated.items() if name in usual and value != usual[name]]
-    digest = sha256_of(one.folder / "result.json")
-    return [path_text(one.folder), one.result.versions.get("endoct", NOTHING), ", ".join(changed) or NOTHING, digest]
+    digest = sha256_of(each.folder / "result.json")
+    return [path_text(each.folder), each.result.versions.get("endoct", NOTHING), ", ".join(changed) or NOTHING, digest]

@@ -8,6 +8,7 @@ import pytest
 from workbench_page import written
 
 from endoct.workbench import summarise, verify
+from endoct.workbench.page.notes import NAME
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +18,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     first = written(folder / "bore-1" / "run-1")
     written(folder / "bore-1" / "run-2", jaccard=0.5)
     written(folder / "bore-2" / "run-1", aligned=False, alignment=None, reason="<b>dark</b>")
-    (first / "notes.txt").write_text("drilled <i>twice</i>")
+    (first / NAME).write_text("drilled <i>twice</i>")
     summarise(sorted(folder.glob("bore-*/run-*")), folder / "summary", repeats=True)
     return folder
 
