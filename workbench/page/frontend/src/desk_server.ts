@@ -25,7 +25,7 @@ export interface Found {
 
 export interface Result {
   name: string;
-  kind: "comparison" | "recording" | "specimen";
+  kind: "comparison" | "recording" | "specimen" | "summary";
   about: string;
   level: "trusted" | "uncertain" | "doubted" | "unaligned" | null;
   headline: string;
@@ -33,6 +33,10 @@ export interface Result {
   interval: [number, number] | null;
   doubts: string[];
   written: string;
+  /** The recordings that were compared, and whether one was changed since. */
+  of: string[];
+  changed: boolean;
+  note: string;
   fault: string;
   address: string;
   thumbnail: string;
