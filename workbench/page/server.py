@@ -7,7 +7,7 @@ sends. Only the page that the server served itself may ask, by the name under wh
 import json
 import threading
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -207,7 +207,7 @@ class _Answers:
             posted |= {"/session.json": session.save, "/landmarks.json": session.judged_from}
         if (masks := shown.masks) is not None:
             asked["/masks.json"] = lambda _: Json(masks.listed(), headers=FRESH)
-            posted |= {"/masks.json": masks.save, "/drawing.json": masks.outlined}
+            posted |= {"/masks.json": masks.save, "/drawing.json": masks.outlined, "/score.json": masks.score}
         checked = concerning(origin)
         return [
             *(Route(path, checked(answer)) for path, answer in asked.items()),
@@ -364,16 +364,21 @@ class Page:
             await self._app(scope, receive, send)
 
     def _serve(self, shown: Shown) -> None:
-        self._origin, self._app = shown.origin, app_for(shown, *self._place)
+        self._shown, self._origin, self._app = shown, shown.origin, app_for(shown, *self._place)
+        self._saved = shown.masks and shown.masks.listed()
 
     def _follow(self) -> str:
-        """Open what lies in the folder now, where that is something else; return why it cannot be, else ""."""
+        """Open what lies in the folder now, where that is something else; return why it cannot be, else "".
+
+        Masks that were saved meanwhile are layers then.
+        """
         with self._lock:
-            try:
+            with suppress(Gone):
                 self._origin.check_present()
-            except Gone:
-                try:
-                    self._serve(self._open_anew())
-                except EndoctError as error:
-                    return str(error)
+                if not self._shown.masks or self._shown.masks.listed() == self._saved:
+                    return ""
+            try:
+                self._serve(self._open_anew())
+            except EndoctError as error:
+                return str(error)
         return ""

@@ -79,6 +79,8 @@ export interface Source {
   outlineDrawing(drawing: Drawing): Promise<{ lines: number[][] }>;
   /** Save a drawing, and return the command line that scores against it. */
   saveMask(drawing: Drawing & { rater: string; session: string }): Promise<{ command: string }>;
+  /** How well each side agrees with a mask that was saved. */
+  scoreMask(side: string, mask: string): Promise<{ scores: Record<string, { jaccard: number | null; interval: [number, number] | null }>; command: string }>;
   /** What can be exported, and the folder in which it may stay, "" for none. */
   exports(): Promise<{ formats: ExportFormat[]; beside: string }>;
   exportLine(asked: Exported): Promise<{ command: string }>;
@@ -197,6 +199,7 @@ async function servedSource(): Promise<Source> {
     masks: async () => answered<SavedMasks>(await asker.ask("masks.json")),
     outlineDrawing: async (drawing) => answered(await asker.send("drawing.json", drawing)),
     saveMask: async (drawing) => answered(await asker.send("masks.json", drawing)),
+    scoreMask: async (side, mask) => answered(await asker.send("score.json", { side, mask })),
     exports: async () => answered(await asker.ask("exports.json")),
     exportLine: async (asked) => answered(await asker.send("export-line.json", asked)),
     exportFile: async (asked) => {
@@ -286,6 +289,7 @@ function frozenSource(frozen: Frozen): Source {
     masks: () => Promise.reject(new Error(NOT_SERVED)),
     outlineDrawing: () => Promise.reject(new Error(NOT_SERVED)),
     saveMask: () => Promise.reject(new Error(NOT_SERVED)),
+    scoreMask: () => Promise.reject(new Error(NOT_SERVED)),
     exports: () => Promise.reject(new Error(NOT_SERVED)),
     exportLine: () => Promise.reject(new Error(NOT_SERVED)),
     exportFile: () => Promise.reject(new Error(NOT_SERVED)),
