@@ -37,7 +37,7 @@ def test_every_figure_is_a_drawing_whose_text_can_be_edited(drawn: Path):
     assert {"(a) endoscope", "θ (°)"} <= texts
     width, height = (float(root.attrib[side].removesuffix("pt")) for side in ("width", "height"))
     assert 300 < width < 7.2 * 72 + 72  # a page's width, without the paper around it
-    assert height < width
+    assert 150 < height < width
 
 
 def test_the_same_figures_give_the_same_bytes(drawn: Path, tmp_path: Path):

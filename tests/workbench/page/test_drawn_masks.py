@@ -17,11 +17,13 @@ from workbench_page import application, post
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
 from endoct.fusion.files.masks import read_mask, score_against
-from endoct.fusion.files.store import load_comparison
+from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import load_panorama
 from endoct.workbench.page import drawn_masks
 from endoct.workbench.page.drawn_masks import Shape, painted, shapes_from
+from endoct.workbench.page.saved_masks import flooded
 from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import verify
 
@@ -323,6 +325,27 @@ def test_a_click_takes_a_whole_cell_away_also_over_a_corner():
 def test_what_no_cell_encloses_is_not_filled(row: int, column: int):
     with pytest.raises(EndoctError, match="no cell encloses"):
         click(row, column, adds=True)
+
+
+def test_a_cell_is_connected_over_corners_and_a_hole_is_not():
+    cell = np.zeros((5, 12), np.bool_)
+    cell[[1, 2, 2, 3], [5, 4, 6, 5]] = True
+    filled = flooded(cell, 2, 5, adds=True) ^ cell
+    assert np.argwhere(filled).tolist() == [[2, 5]]
+    assert not flooded(cell, 1, 5, adds=False).any()
+
+
+def test_a_mask_of_either_side_is_scored_where_that_side_lies(folder: Path):
+    found = load_comparison(folder / "comparison.zarr")
+    shutil.rmtree(folder / "comparison.zarr")
+    moved = Alignment(1.0, 0.2, confidence=0.6, correlation=0.9, ratio=3.0)
+    save_comparison(replace(found, alignment=moved), folder / "comparison.zarr")
+    with application(folder) as served:
+        for side in ("endoscope", "oct"):
+            drawn = drawing(side=side, ground="cells", shapes=[])
+            assert post(served, "/masks.json", drawn)[0] == 200
+            scores = json.loads(post(served, "/score.json", {"side": side, "mask": "anna_1"})[1])["scores"]
+            assert scores[side]["jaccard"] > 0.95  # it is that side's own cells
 
 
 def test_a_click_has_one_place():

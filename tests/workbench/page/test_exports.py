@@ -58,12 +58,14 @@ def test_the_download_is_what_the_command_line_writes(asked: Asked, folder: Path
     assert not list(folder.parent.glob("*.csv"))
 
 
-def test_what_stays_beside_the_result_replaces_nothing(asked: Asked, folder: Path):
+def test_what_stays_beside_the_result_replaces_nothing(asked: Asked, folder: Path, tmp_path: Path):
     for name in ("bore 1.tfm", "bore 1-2.tfm"):
         status, said = post(asked, "/export.json", wanted("itk-transform", inverse="yes"))
         assert (status, json.loads(said)["saved"]) == (200, str(folder.parent / name))
     plain = json.loads(post(asked, "/export.json", wanted("itk-transform", inverse="no"))[1])["saved"]
-    assert Path(plain).read_bytes() != (folder.parent / "bore 1.tfm").read_bytes()
+    for made, inverse in ((Path(plain), None), (folder.parent / "bore 1.tfm", True)):
+        export(folder, tmp_path / "same.tfm", inverse=inverse, overwrite=True)
+        assert made.read_bytes() == (tmp_path / "same.tfm").read_bytes()
     assert (folder.parent / "bore 1.tfm").read_bytes() == (folder.parent / "bore 1-2.tfm").read_bytes()
 
 

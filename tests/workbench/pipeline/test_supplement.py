@@ -54,8 +54,9 @@ def test_the_page_needs_no_other_file_and_the_plots_lie_beside_it(study: Path):
     assert verify(summary)[0].intact
 
 
-def test_two_specimens_that_are_called_alike_stay_two(study: Path):
-    tables = summarise(sorted(study.glob("bore-*/run-1")))
+def test_two_specimens_that_are_called_alike_stay_two(study: Path, tmp_path: Path):
+    tables = summarise(sorted(study.glob("bore-*/run-1")), tmp_path / "out")
+    assert not (tmp_path / "out" / "figures" / "repeats.svg").exists()  # nothing was repeated
     (aligned,) = [row for row in tables["summary"] if row["score"] == "aligned"]
     assert aligned["specimens"] == 2
     assert {row["specimen"] for row in tables["scores"]} == {"bore-1/run-1", "bore-2/run-1"}
