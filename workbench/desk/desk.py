@@ -83,7 +83,7 @@ class OpenFolder:
     def _entry(self, entry: Entry, number: int, version: str) -> dict[str, Any]:
         compared = self.study.named_by(entry.inputs)
         has_report = entry.row.name == SUMMARY and not entry.fault
-        address = f"report?name={quote(entry.name)}" if has_report else ""
+        address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""
         return {
             "name": path_text(entry.name),
             "kind": entry.kind,
