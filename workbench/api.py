@@ -100,7 +100,8 @@ def summarise(request: SummariseRequest) -> "dict[str, list[Row]]":
 
     Arguments are those of :class:`~endoct.workbench.requests.SummariseRequest`. Returns tables by name, each a list of
     rows: ``scores``, ``summary``, ``paired`` (with ``against``) and ``repeatability`` (with ``repeats``); see
-    :func:`endoct.workbench.pipeline.summarising.summarise`. Of poses they are ``poses`` and ``agreement``:
+    :func:`endoct.workbench.pipeline.summarising.summarise`. The folder gets a page, ``report.html``, with plots.
+    Of poses they are ``poses`` and ``agreement``:
     :func:`endoct.workbench.pipeline.summarising_poses.summarise_poses`. Raises :class:`EndoctError` where a folder is
     no comparison, no comparisons of the two sets can be paired, or ``output`` exists and ``overwrite`` is not set.
 
@@ -117,6 +118,10 @@ def summarise(request: SummariseRequest) -> "dict[str, list[Row]]":
         tables = summarise_any(first, second, repeats=request.repeats)
         if folder is not None:
             write_summary(tables, folder)
+            if "scores" in tables:  # of comparisons, not of poses
+                from endoct.workbench.pipeline.supplement import write_supplement
+
+                write_supplement(tables, request, folder)
     return tables
 
 

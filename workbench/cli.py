@@ -28,6 +28,12 @@ def main() -> None:
         _run_and_exit(said)
 
 
+def open_workbench() -> None:
+    """Run `endoct open`, as a double click on ``endoct-workbench`` does: without a console, where systems have some."""
+    sys.argv[1:] = ["open"]
+    main()
+
+
 def _run_and_exit(said: Event) -> None:
     """Run the command; whatever is raised, exit with its status. Where it was interrupted, that is ``said``."""
     try:

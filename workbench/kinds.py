@@ -23,7 +23,7 @@ from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES, open_stack
 from endoct.stitching.store import is_panorama
-from endoct.workbench.running.outputs import COMPARISON, DATA_SET, DATA_SET_FILE, PANORAMA, POSE, SPECIMEN
+from endoct.workbench.running.outputs import COMPARISON, DATA_SET, DATA_SET_FILE, PANORAMA, POSE, SPECIMEN, SUMMARY
 
 RECORDING, VOLUME, PLAN, MASK = "recording", "volume", "plan", "mask"
 SAMPLE = Path("truth", "sample.json")
@@ -110,6 +110,13 @@ KINDS: dict[str, Kind] = {
             listed=f"{_COLLECTION}:listed_specimen",
             pictured=f"{_COLLECTION}:pictured_specimen",
             has_recordings=True,
+        ),
+        Kind(
+            SUMMARY,
+            lambda path: kind_of(path) == SUMMARY,
+            title="summary",
+            listed=f"{_COLLECTION}:listed_summary",
+            pictured=f"{_COLLECTION}:pictured_summary",
         ),
         Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
         Kind(

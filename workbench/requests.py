@@ -20,7 +20,9 @@ from endoct.synthetic.sample.presets import PresetName
 
 UNSET = arg(help_behavior_hint="")
 """For an option without a value. Its help names no default, since its sentence says what holds then."""
-FormatName = Literal["ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv"]
+FormatName = Literal[
+    "ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv", "pdf", "svg"
+]
 RecipeName = Literal["paper"]
 OmeVersion = Literal["0.5", "0.4"]
 P = ParamSpec("P")

@@ -27,6 +27,7 @@ from endoct.workbench.dataset.set_files import (
 from endoct.workbench.exporting.mark import has_mark
 from endoct.workbench.exporting.mark import is_marked as is_whole
 from endoct.workbench.kinds import output_at
+from endoct.workbench.page.notes import NAME as NOTES
 from endoct.workbench.requests import VerifyRequest, by_request
 from endoct.workbench.running.outputs import DATA_SET, DATA_SET_FILE, EXPORT, REPORT, SPECIMEN
 from endoct.workbench.running.progress import Advance, Stages, stages_for
@@ -103,8 +104,9 @@ def _verdict(path: Path, stages: Stages) -> Verdict:
 
 
 def _without_own(folder: Path, found: Differences) -> Differences:
-    """Return differences without what the page saves in a comparison, its session and masks: these are the user's."""
+    """Return differences without what the page saves in a result, session, masks and note: these are the user's."""
     own = {name for name in found.added if _A_MASK.fullmatch(name) or _OF_A_KILLED_SAVE.fullmatch(name)}
+    own |= {NOTES} & set(found.added)
     if SESSION_NAME in found.added:
         try:
             read_session(folder / SESSION_NAME)

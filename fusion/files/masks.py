@@ -15,6 +15,7 @@ from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, wri
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.evidence.side import DrawnMask
 from endoct.fusion.files.drawings import read_drawing
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.fusion.result import MaskScores
 from endoct.fusion.scoring.cells import measure
@@ -99,12 +100,12 @@ def score_against(comparison: Comparison, truth: DrawnMask, tolerance_mm: float 
     return score_surface(comparison, on_comparison(comparison, truth), tolerance_mm)
 
 
-def on_comparison(comparison: Comparison, truth: DrawnMask) -> Surface:
-    """Return a mask in side A's frame on the comparison's grid."""
+def on_comparison(comparison: Comparison, truth: DrawnMask, where: Alignment = IN_PLACE) -> Surface:
+    """Return a mask on the comparison's grid; ``where`` it lies in side A's frame."""
     grid = comparison.grid
     check_same_bore(grid.radius_mm, truth.grid.radius_mm)
     everywhere = np.ones(truth.mask.shape, np.bool_)
-    return Surface("given truth", *Placement.averaging(truth.grid, IN_PLACE, grid).mask(truth.mask, everywhere))
+    return Surface("given truth", *Placement.averaging(truth.grid, where, grid).mask(truth.mask, everywhere))
 
 
 def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, MaskScores]:

@@ -16,7 +16,7 @@ from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
 from endoct.modalities.reading import images
-from endoct.workbench import kinds, load
+from endoct.workbench import kinds, load, summarise
 from endoct.workbench.desk.study import inputs_in
 from endoct.workbench.exporting.source import open_for_export
 from endoct.workbench.kinds import KINDS, Kind, kind_at, output_at, places_in, reader
@@ -25,7 +25,7 @@ from endoct.workbench.page.opening import can_be_shown, open_shown
 from endoct.workbench.page.presence import Origin
 from endoct.workbench.pipeline.information import describe
 from endoct.workbench.pipeline.unread import Unread
-from endoct.workbench.running.outputs import DATA_SET, POSE
+from endoct.workbench.running.outputs import DATA_SET, POSE, SUMMARY
 from endoct.workbench.sides.sources import Source, open_source, side_of_comparison
 from endoct.workbench.verifying import verify
 
@@ -47,6 +47,7 @@ def study(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     (top / POSE / "pose.json").write_text(json.dumps({"sides": ["oct"], "told": False, "reason": "why not"}))
     said = {"format": "endoct-output-1", "kind": POSE, "files": {}, "parts": {}}
     (top / POSE / "endoct-output.json").write_text(json.dumps(said))
+    summarise([top / "comparison"], top / SUMMARY)
     write_series(top / "volume", named_slices(drawn(Random(1))))
     (top / "plan").write_text(json.dumps(PLAN))
     cv2.imwrite(str(top / "mask.png"), np.eye(8, dtype=np.uint8) * 255)

@@ -22,7 +22,7 @@ from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.published import Submit, board, check, layout, make
 from endoct.workbench.commands.recordings import Calibrate, Info, Tube, Unroll, modalities
 from endoct.workbench.commands.research import Bench, Train
-from endoct.workbench.commands.simulations import Dataset, Simulate, demo, warm_up
+from endoct.workbench.commands.simulations import Dataset, Simulate, demo, self_test, warm_up
 from endoct.workbench.running.refusals import DONE, WRONG_USAGE, visible_lines
 
 LONGEST_NAME = 30
@@ -70,6 +70,7 @@ def run(arguments: Sequence[str]) -> int:
         "info": Info,
         "verify": Verify,
         "modalities": modalities,
+        "self-test": self_test,
         "warm-up": warm_up,
         "completion": completion,
     }

@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 from tyro.conf import Positional
 
-from endoct.workbench.commands.comparisons import Compare
+from endoct.workbench.commands.comparisons import Compare, Summarise
 from endoct.workbench.commands.console import print_line
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Calibrate, Unroll
-from endoct.workbench.commands.simulations import Simulate
+from endoct.workbench.commands.simulations import Simulate, demo
 from endoct.workbench.requests import UNSET
 from endoct.workbench.running.refusals import DONE
 
@@ -22,6 +22,8 @@ ON_THE_PAGE: Mapping[str, Callable[..., Any]] = {
     "pose": Pose,
     "calibrate": Calibrate,
     "simulate": Simulate,
+    "demo": demo,
+    "summarise": Summarise,
 }
 
 

@@ -31,7 +31,7 @@ class Export(ExportRequest):
             return DONE
         facts = exported.facts
         said = [" × ".join(map(str, shape))] if isinstance(shape := facts.get("shape"), list) else []
-        said += [f"{facts[key]} {key}" for key in ("vertices", "faces", "rows") if key in facts]
+        said += [f"{facts[key]} {key}" for key in ("vertices", "faces", "rows", "figures") if key in facts]
         if isinstance(step_mm := facts.get("step_mm"), list):
             said.append(f"{' × '.join(f'{step:.4g}' for step in step_mm)} mm a step")
         if "from" in facts:

@@ -134,3 +134,19 @@ def warm_up() -> int:
         api.demo(Path(folder) / "demo", preset="learning", progress=command_stages(False))
     print_line("compiled")
     return DONE
+
+
+def self_test() -> int:
+    """Compare one tiny simulated bore on this machine and hold its figures against the published ones; 20 seconds.
+
+    Prints one line. The exit status is 0 where they agree, 1 where they do not.
+    """
+    from endoct.fusion.files.result_file import read_result
+    from endoct.workbench import api
+    from endoct.workbench.pipeline.self_test import PRESET, SEED, check_figures
+
+    with TemporaryDirectory() as folder:
+        api.demo(Path(folder) / "demo", preset=PRESET, seed=SEED, progress=command_stages(False))
+        said = check_figures(read_result(Path(folder) / "demo" / "comparison"))
+    print_line(f"as published: {said}")
+    return DONE

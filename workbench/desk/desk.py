@@ -10,6 +10,7 @@ import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import entries, exists, is_folder, leads_below, path_text, read_small
@@ -22,10 +23,11 @@ from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study
 from endoct.workbench.kinds import output_at
 from endoct.workbench.page.collection import Entry, address_of, thumbnail
+from endoct.workbench.page.notes import read_note, write_note
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.pipeline.information import picture_of
-from endoct.workbench.running.outputs import POSE
+from endoct.workbench.running.outputs import POSE, SUMMARY
 
 REPORT_BYTES = 200_000_000
 MOST_LISTED = 2000
@@ -56,15 +58,32 @@ class OpenFolder:
         return thumbnail(self.results.entry(version, number))
 
     def report(self, name: str) -> bytes:
-        """Return the report of a pose, which has no page. Raises :class:`NoSuchTile` where there is none."""
+        """Return the report of a pose or a summary, which have no page.
+
+        Raises :class:`NoSuchTile` where there is none.
+        """
         place = self.folder / name
         path = place / "report.html"
-        there = leads_below(self.folder, place) and exists(place) and output_at(place) == POSE
+        there = leads_below(self.folder, place) and exists(place) and output_at(place) in (POSE, SUMMARY)
         if not there or path.is_symlink() or not path.is_file():
             raise NoSuchTile("there is no such report", found=name[:80])
         return read_small(path, REPORT_BYTES)
 
+    def note(self, posted: Mapping[str, Any]) -> dict[str, str]:
+        """Save a posted note on a result and return it.
+
+        Raises :class:`NoSuchTile` where there is no such result, and :class:`EndoctError` where it cannot be saved.
+        """
+        self.results.ensure_looked()
+        entry = self.results.called(posted.get("name"))
+        if entry is None or not is_folder(entry.path) or not leads_below(self.folder, entry.path):
+            raise NoSuchTile("there is no such result", found=repr(posted.get("name"))[:80])
+        return {"note": write_note(entry.path, posted.get("text"), posted.get("was"))}
+
     def _entry(self, entry: Entry, number: int, version: str) -> dict[str, Any]:
+        compared = self.study.named_by(entry.inputs)
+        has_report = entry.row.name == SUMMARY and not entry.fault
+        address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""
         return {
             "name": path_text(entry.name),
             "kind": entry.kind,
@@ -77,7 +96,10 @@ class OpenFolder:
             "steps": [self._step(step) for step in entry.steps],
             "written": entry.written,
             "fault": entry.fault,
-            "address": address_of(entry, self.results.pages) if entry.can_be_opened else "",
+            "of": [path_text(each.name) for each in compared],
+            "changed": any(each.changed_since(entry.path / "result.json") for each in compared),
+            "note": read_note(entry.path),
+            "address": address_of(entry, self.results.pages) if entry.can_be_opened else address,
             "thumbnail": "" if entry.fault else f"thumbnails/{version}/{number}.png",
         }
 

@@ -122,6 +122,7 @@ class _Answers:
             "/f/{key}/look": lambda request, _: _done(self._folder(request).study.look),
             "/f/{key}/command": lambda request, posted: desk.command(self._folder(request), posted),
             "/f/{key}/run": lambda request, posted: desk.run(self._folder(request), posted),
+            "/f/{key}/note": lambda request, posted: self._folder(request).note(posted),
             "/f/{key}/sidecar": lambda request, posted: desk.save_sidecar(self._folder(request), posted),
             "/f/{key}/preview": lambda request, posted: desk.preview(self._folder(request), posted),
         }
@@ -157,7 +158,7 @@ class _Answers:
         return _png(self._folder(request).thumbnail(version, number))
 
     def report(self, request: Request) -> Response:
-        """Answer with the report of a pose."""
+        """Answer with the report of a pose, or of a summary."""
         html = self._folder(request).report(request.query_params.get("name", ""))
         return HTMLResponse(html, headers={**FRESH, "content-security-policy": REPORT_POLICY})
 

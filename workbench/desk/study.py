@@ -3,8 +3,9 @@
 A recording is known by its content, as `endoct info` knows it. What endoct wrote is no input, but for specimens.
 """
 
+import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any, Literal
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import exists, inside, leads_below, path_text, read_start
-from endoct.modalities.acquisition import SIDECAR_NAME
+from endoct.modalities.acquisition import SIDECAR_NAME, sidecar_path
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
 from endoct.modalities.reading.recording import gives_frames
@@ -56,6 +57,15 @@ class Input:
     def parent(self) -> str:
         """The folder it lies in, as ``name`` has it."""
         return self.name.rpartition("/")[0]
+
+    def changed_since(self, result: Path) -> bool:
+        """Whether a file of it, or its sidecar, is younger than ``result``."""
+        files = [self.path, sidecar_path(self.path)]
+        with suppress(OSError):  # gone, or somebody else's
+            files += [Path(each.path) for each in os.scandir(self.path)] if self.path.is_dir() else []
+            made_ns = result.stat().st_mtime_ns
+            return any(each.is_file() and each.stat().st_mtime_ns > made_ns for each in files)
+        return False
 
     def to_json(self) -> dict[str, Any]:
         """Return the input for the page."""
@@ -108,6 +118,12 @@ class Study:
         with self._lock:
             self._inputs[name] = now
         return now
+
+    def named_by(self, files: Iterable[str]) -> list[Input]:
+        """Return the recordings to which ``files`` belong, as a result names them: by whole paths, or from here."""
+        paths = [self.folder / file for file in files]
+        recordings = [each for each in self.inputs() if each.kind == "recording"]
+        return [each for each in recordings if any(each.path in (path, path.parent) for path in paths)]
 
     def pairs(self) -> list[tuple[Input, Input]]:
         """Return the recordings of two instruments that lie alone in one folder, by the instruments' names."""

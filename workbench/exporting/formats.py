@@ -24,14 +24,15 @@ _WALL = "side", "vertex_mm"
 class Format:
     """A format: the ``suffixes`` that its files may have, its ``options``, and "module:function" that writes it.
 
-    ``by_suffix``: whether a suffix alone means this format; ``is_folder``: whether it is a folder, not a file;
-    ``is_marked``: whether its files say that endoct wrote them.
+    ``opens``: what it holds, and what reads it; ``by_suffix``: whether a suffix alone means this format;
+    ``is_folder``: whether it is a folder, not a file; ``is_marked``: whether its files say that endoct wrote them.
     """
 
     name: FormatName
     suffixes: tuple[str, ...]
     options: tuple[str, ...]
     writer: str
+    opens: str
     by_suffix: bool = True
     is_folder: bool = False
     is_marked: bool = True
@@ -46,16 +47,53 @@ class Format:
 FORMATS = {
     one.name: one
     for one in (
-        Format("ome-zarr", (".ome.zarr", ".zarr"), ("version",), "ome_files:write_ome_zarr", is_folder=True),
-        Format("ome-tiff", _TIFF, (), "ome_files:write_ome_tiff"),
-        Format("nrrd", (".nrrd",), ("voxel_mm",), "volume_files:write_nrrd"),
-        Format("nifti", (".nii.gz", ".nii"), ("voxel_mm",), "volume_files:write_nifti"),
-        Format("ply", (".ply",), ("color", *_WALL), "mesh_files:write_ply"),
-        Format("stl", (".stl",), _WALL, "mesh_files:write_stl"),
-        Format("glb", (".glb",), ("color", *_WALL), "mesh_files:write_glb"),
-        Format("itk-transform", (".tfm", ".txt"), ("inverse",), "itk_transform:write_itk_transform"),
-        Format("labels", _TIFF, (), "ome_files:write_labels", by_suffix=False),
-        Format("csv", (".csv",), ("side",), "quality_table:write_quality", is_marked=False),
+        Format(
+            "ome-zarr",
+            (".ome.zarr", ".zarr"),
+            ("version",),
+            "ome_files:write_ome_zarr",
+            "images and cells, for napari",
+            is_folder=True,
+        ),
+        Format("ome-tiff", _TIFF, (), "ome_files:write_ome_tiff", "images, for Fiji, QuPath, 3D Slicer"),
+        Format("nrrd", (".nrrd",), ("voxel_mm",), "volume_files:write_nrrd", "the volume, for 3D Slicer, ParaView"),
+        Format(
+            "nifti",
+            (".nii.gz", ".nii"),
+            ("voxel_mm",),
+            "volume_files:write_nifti",
+            "the volume, for ITK-SNAP, 3D Slicer",
+        ),
+        Format(
+            "ply", (".ply",), ("color", *_WALL), "mesh_files:write_ply", "the wall, for ParaView, Blender, 3D Slicer"
+        ),
+        Format("stl", (".stl",), _WALL, "mesh_files:write_stl", "the wall without colours, to be printed"),
+        Format("glb", (".glb",), ("color", *_WALL), "mesh_files:write_glb", "the wall, for Blender, viewers of glTF"),
+        Format(
+            "itk-transform",
+            (".tfm", ".txt"),
+            ("inverse",),
+            "itk_transform:write_itk_transform",
+            "the alignment, for 3D Slicer, SimpleITK",
+        ),
+        Format("labels", _TIFF, (), "ome_files:write_labels", "cells by number, for Fiji, napari", by_suffix=False),
+        Format(
+            "csv",
+            (".csv",),
+            ("side",),
+            "quality_table:write_quality",
+            "numbers per frame, for spreadsheets, R",
+            is_marked=False,
+        ),
+        Format("pdf", (".pdf",), (), "figure_files:write_pdf", "the report's figures, a page each", is_marked=False),
+        Format(
+            "svg",
+            (".svg.zip", ".zip"),
+            (),
+            "figure_files:write_svg",
+            "the report's figures, to be edited in Inkscape",
+            is_marked=False,
+        ),
     )
 }
 assert set(FORMATS) == set(get_args(FormatName))  # noqa: S101 - the names stand twice, for type checkers

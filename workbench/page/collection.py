@@ -22,6 +22,7 @@ from PIL import Image as Pillow
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import read_small
 from endoct.base.files.json_values import number, read_object
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
@@ -47,9 +48,15 @@ COLUMNS = (
 )  # fmt: skip
 PAGES = "/at"
 """Below this lie the pages of entries, by their names."""
-LEVELS = {"trusted": "trusted", "uncertain": "uncertain", "doubted": "doubted", "unaligned": "not aligned"}
+LEVELS: dict[Level, str] = {
+    "trusted": "trusted",
+    "uncertain": "uncertain",
+    "doubted": "doubted",
+    "unaligned": "not aligned",
+}
 STRIP_PX, WIDEST_PX, GAP_PX = 96, 480, 6
 """Height of a strip, greatest width of all together, and gap between two."""
+MOST_PLOT_BYTES = 16_000_000
 MOST_PX = 2000
 """Samples of the truth that are read along either axis."""
 NOT_OBSERVED = (185, 208, 242, 255)
@@ -64,7 +71,8 @@ class Entry:
     """One of a collection: where it lies, ``name`` is its path below the collection with "/", and what is known of it.
 
     ``what`` are its sides, or how it was simulated; the scores are None where there are none; ``cells``: how many
-    agree, of how many of each side; ``steps``: what can be done about it, as JSON.
+    agree, of how many of each side. ``steps``: what can be done about it, as JSON. ``inputs``: the files that were
+    compared, as its result names them.
     ``fault`` says why it cannot be read, "" where it can.
     """
 
@@ -81,6 +89,7 @@ class Entry:
     doubts: tuple[Doubt, ...] = ()
     steps: tuple[Mapping[str, Any], ...] = ()
     written: str = ""
+    inputs: tuple[str, ...] = ()
     fault: str = ""
 
     @property
@@ -152,6 +161,7 @@ def listed_comparison(path: Path) -> dict[str, Any]:
         "doubts": tuple(result.doubts),
         "steps": tuple(step.to_json(result) for step in next_steps(result, _stated(path, result))),
         "written": _written(path / "result.json"),
+        "inputs": tuple(result.inputs),
     }
 
 
@@ -188,6 +198,11 @@ def listed_specimen(path: Path) -> dict[str, Any]:
     said = (("preset", sample.get("preset")), ("seed", sample.get("seed")), ("bone", bone))
     what = ", ".join(f"{name} {value}" for name, value in said if isinstance(value, str | int))
     return {"what": what[:200], "written": _written(path / SAMPLE)}
+
+
+def listed_summary(path: Path) -> dict[str, Any]:
+    """Return what an :class:`Entry` says of a summary."""
+    return {"what": "of many", "written": _written(path / "summary.json")}
 
 
 def _verdict(verdict: Verdict) -> dict[str, Any]:
@@ -286,6 +301,15 @@ def _pane(shown: Shown, part: LayerPart) -> Pillow.Image:
         share = (value - part.shown_low) / ((part.shown_high - part.shown_low) or 1.0)
         wall = np.dstack([_bytes(1 - share if part.unit == "mm" else share), wall[..., 3]])  # deep is dark
     return _strip(wall, wall.shape[0] / wall.shape[1])
+
+
+def pictured_summary(path: Path) -> list[Pillow.Image]:
+    """Return the first plot of a summary as a strip, white where it has none."""
+    for plot in sorted((path / "figures").glob("*.png")):
+        with refusing(f"{plot} is no plot"):
+            drawn = Pillow.open(io.BytesIO(read_small(plot, MOST_PLOT_BYTES))).convert("RGBA")
+            return [drawn.resize((max(1, min(WIDEST_PX, drawn.width * STRIP_PX // drawn.height)), STRIP_PX))]
+    return [Pillow.new("RGBA", (STRIP_PX, STRIP_PX), "white")]
 
 
 def pictured_specimen(specimen: Path) -> list[Pillow.Image]:

@@ -6,7 +6,6 @@ the circle of θ.
 """
 
 import io
-import re
 import shlex
 import threading
 from collections.abc import Mapping, Sequence
@@ -21,12 +20,11 @@ from PIL import Image as Pillow
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
-from endoct.base.files.files import plain_name, read_small
+from endoct.base.files.files import read_small
 from endoct.base.files.json_values import object_in
 from endoct.base.files.output import new_output
 from endoct.base.files.scratch import clear_dead_scratch
 from endoct.base.zarr.zarr_store import read_arrays
-from endoct.fusion.files.drawings import read_drawing
 from endoct.fusion.files.outlines import fill
 from endoct.fusion.files.session import MASKS
 from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline
@@ -37,12 +35,14 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.layers import mask_outlines
 from endoct.workbench.page.presence import Gone, Origin
+from endoct.workbench.page.saved_masks import NAME, flooded, read_saved, saved_names, scores_against
 
 KIND = "mask"
 CELLS = "cells"
 """The ground that stands for the cells that were segmented on the side."""
-_NAME = re.compile(r"([A-Za-z0-9][A-Za-z0-9.-]{0,40})_([A-Za-z0-9][A-Za-z0-9.-]{0,20})")
 POSTED = "what the page sent"
+TOLERANCE_MM = 0.1
+"""By which outlines are judged where a comparison does not say."""
 MOST_SHAPES, MOST_POINTS = 5000, 20_000
 MOST_RADIUS_MM = 2.0
 MOST_TURNS = 3
@@ -64,12 +64,7 @@ class DrawnMasks:
 
     def listed(self) -> dict[str, Any]:
         """Return for the page which masks there are, by side; ``refused`` says why none can be saved, else ""."""
-        names = {
-            side: sorted(
-                path.stem for path in (self.origin.folder / MASKS / side).glob("*.png") if _NAME.fullmatch(path.stem)
-            )
-            for side in self.sides
-        }
+        names = {side: saved_names(self.origin.folder, side) for side in self.sides}
         return {"masks": names, "refused": self.refused}
 
     def outlined(self, data: bytes) -> dict[str, Any]:
@@ -90,7 +85,7 @@ class DrawnMasks:
             raise EndoctError(self.refused)
         side, mask, posted = self._posted(data)
         name = f"{posted.get('rater')}_{posted.get('session')}"
-        if not _NAME.fullmatch(name):
+        if not NAME.fullmatch(name):
             raise EndoctError(
                 "the mask needs a name", found=name[:60], expected="rater and session of letters, digits, '.' and '-'"
             )
@@ -107,12 +102,30 @@ class DrawnMasks:
         path = self.origin.folder / MASKS / side / f"{name}.png"
         return {"saved": name, "file": str(path), "command": self._command(side, path)}
 
-    def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
+    def score(self, data: bytes) -> dict[str, Any]:
+        """Return how well each side agrees with the saved mask that is posted, and the command line that says so.
+
+        Raises :class:`EndoctError` where there is none, or it cannot be placed.
+        """
         self.origin.check_present()
         posted = object_in(data, POSTED)
+        side, name = self._side(posted), posted.get("mask")
+        stated = (self.outline.result.parameters.get("compare") or {}).get("tolerance_mm")
+        tolerance_mm = float(stated) if isinstance(stated, int | float) else TOLERANCE_MM
+        scores = scores_against(self.origin.folder, side, name, self.sides[side].grid, tolerance_mm)
+        path = self.origin.folder / MASKS / side / f"{name}.png"
+        return {"scores": scores, "command": self._command(side, path)}
+
+    def _side(self, posted: Mapping[str, Any]) -> str:
         side = posted.get("side")
         if not isinstance(side, str) or side not in self.sides:
             raise EndoctError("there is no such side", found=repr(side)[:40], expected=", ".join(self.sides))
+        return side
+
+    def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
+        self.origin.check_present()
+        posted = object_in(data, POSTED)
+        side = self._side(posted)
         return (
             side,
             painted(shapes_from(posted.get("shapes")), self.sides[side].grid, self._ground(side, posted)),
@@ -127,14 +140,7 @@ class DrawnMasks:
         grid = self.sides[side].grid
         if ground == CELLS:
             return self._cells(side, grid)
-        if not isinstance(ground, str) or not _NAME.fullmatch(ground):
-            raise EndoctError("there is no such mask", found=repr(ground)[:60])
-        mask = read_drawing(self.origin.folder / MASKS / plain_name(side, "a side") / f"{ground}.png", grid.shape)
-        if mask.shape != grid.shape:
-            raise EndoctError(
-                f"the mask {ground} is not of this panorama", found=str(mask.shape), expected=str(grid.shape)
-            )
-        return mask
+        return read_saved(self.origin.folder, side, ground, grid)
 
     def _cells(self, side: str, grid: SurfaceGrid) -> Mask:
         """Return the cells of a side on its own samples: those of the nearest sample of the common grid."""
@@ -204,6 +210,8 @@ def _write(folder: Path, side: str, name: str, mask: Mask, grid: SurfaceGrid) ->
 class Shape:
     """A stroke of a brush with ``radius_mm``, or a polygon where that is None; it ``adds`` cell, or takes it away.
 
+    With the radius 0 its one point fills the hole there, or takes the cell there away.
+
     ``points``: float64 (n, 2), θ in rad, which runs on over the seam, and z in mm, in the frame of the side.
     """
 
@@ -220,16 +228,26 @@ def shapes_from(posted: object) -> tuple[Shape, ...]:
 
 
 def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = None) -> Mask:
-    """Return ``ground``, bool (n_z, n_theta), empty where None, with ``shapes`` painted on it one after another."""
+    """Return ``ground``, bool (n_z, n_theta), empty where None, with ``shapes`` painted on it one after another.
+
+    Raises :class:`EndoctError` for a stroke that is too long, and a hole that no cell encloses.
+    """
     mask = np.zeros(grid.shape, np.bool_) if ground is None else ground.copy()
     for shape in shapes:
-        if shape.radius_mm is None:
+        if shape.radius_mm == 0:
+            mask = flooded(mask, *_sample(shape.points[0], grid), adds=shape.adds)
+        elif shape.radius_mm is None:
             rows = np.interp(shape.points[:, 1], grid.z_mm, np.arange(grid.n_z), left=-1, right=grid.n_z)
             columns = (shape.points[:, 0] - grid.theta0_rad) / grid.dtheta_rad
             mask[fill(np.stack([rows, columns], axis=1), grid.shape)] = shape.adds
         else:
             _stroke(mask, shape.points, shape.radius_mm, grid, shape.adds)
     return mask
+
+
+def _sample(point: Coordinates, grid: SurfaceGrid) -> tuple[int, int]:
+    """Return the row and the column of the sample nearest to (θ, z)."""
+    return int(np.abs(grid.z_mm - point[1]).argmin()), round(float(grid.column_of(point[0]))) % grid.n_theta
 
 
 def _stroke(mask: Mask, points: Coordinates, radius_mm: float, grid: SurfaceGrid, value: bool) -> None:
@@ -277,7 +295,7 @@ def _shape(posted: Any) -> Shape:
     if not isinstance(posted, Mapping) or not isinstance(posted.get("adds"), bool):
         raise EndoctError("what was drawn cannot be used", found=repr(posted)[:80], expected="a stroke or a polygon")
     radius_mm = posted.get("radius_mm")
-    if radius_mm is not None and not (_is_number(radius_mm) and 0 < radius_mm <= MOST_RADIUS_MM):
+    if radius_mm is not None and not (_is_number(radius_mm) and 0 <= radius_mm <= MOST_RADIUS_MM):
         raise EndoctError("a brush cannot be used", found=repr(radius_mm)[:40], expected=f"up to {MOST_RADIUS_MM:g} mm")
     points = posted.get("points")
     listed = points if isinstance(points, list) and len(points) <= MOST_POINTS else []
@@ -289,6 +307,8 @@ def _shape(posted: Any) -> Shape:
         raise EndoctError("a shape lies far outside the wall", found=f"{farthest[0]:g} rad, {farthest[1]:g} mm")
     if radius_mm is None and len(places) < 3:
         raise EndoctError("an outline encloses nothing", found=f"{len(places)} points", expected="three at least")
+    if radius_mm == 0 and len(places) != 1:
+        raise EndoctError("a click has one place", found=f"{len(places)} points")
     return Shape(places, posted["adds"], None if radius_mm is None else float(radius_mm))
 
 

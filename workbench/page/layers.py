@@ -246,10 +246,14 @@ def _drawn_layers(folder: Path, side: str, wall: TileWall, cache: ChunkCache) ->
         return
     for k, title in enumerate(drawn.titles):
         plane = _plane(folder / DRAWN_STORE, "mask", (k,), placing_of(drawn.grid), wall, cache)
-        colour = DRAWN_COLOURS[k % len(DRAWN_COLOURS)]
-        shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(colour))
-        part = _classes_part(f"{DRAWN}{k + 1}", f"drawn: {title}", side, shown, plane, wall)
-        yield Described(Classes((plane,), (COLOURS[NEITHER], colour)), part)
+        yield drawn_layer(f"{DRAWN}{k + 1}", f"drawn: {title}", side, plane, k, wall)
+
+
+def drawn_layer(key: str, title: str, side: str, plane: Plane, k: int, wall: TileWall) -> Described:
+    """Return a mask drawn by hand on the wall of ``side`` as a layer, the ``k``-th of some."""
+    colour = DRAWN_COLOURS[k % len(DRAWN_COLOURS)]
+    shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(colour))
+    return Described(Classes((plane,), (COLOURS[NEITHER], colour)), _classes_part(key, title, side, shown, plane, wall))
 
 
 def is_drawn_key(key: str) -> bool:

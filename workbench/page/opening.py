@@ -44,6 +44,7 @@ from endoct.workbench.page.layers import (
 )
 from endoct.workbench.page.presence import Origin
 from endoct.workbench.page.recorded import Reader, recording_of
+from endoct.workbench.page.saved_masks import saved_layers
 from endoct.workbench.page.sessions import session_of
 from endoct.workbench.page.shown import Shown, ShownSide, frames_part
 from endoct.workbench.page.volume import has_volume
@@ -88,6 +89,8 @@ def opened_comparison(origin: Origin) -> Shown:
     wall = wall_of(outline.grid)
     outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
     described = list(comparison_layers(folder, outline, outlines, wall, ChunkCache(CACHE_BYTES)))
+    own = dict(zip(outline.names, outlines, strict=True))
+    described += saved_layers(folder, own, outline, wall)
     aligned = outline.alignment is not None
     sides = {name: _side(of_side, folder) for name, of_side in zip(outline.names, outlines, strict=True)}
     frames = [

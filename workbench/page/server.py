@@ -1,13 +1,13 @@
 """The server of the page: its files, its description, tiles, values. It opens nothing but what it was given.
 
-Only the addresses at which the page asks about landmarks and drawings, and saves them, take what somebody sends. Only
-the page that the server served itself may ask, by the name under which the server was called.
+Only the addresses at which the page asks about landmarks and drawings, saves them, and exports, take what somebody
+sends. Only the page that the server served itself may ask, by the name under which the server was called.
 """
 
 import json
 import threading
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -24,6 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from endoct.base.errors import EndoctError, cause_of, visible
 from endoct.base.files.files import SMALL_BYTES
+from endoct.workbench.page.exports import Exports
 from endoct.workbench.page.heading import Link, document
 from endoct.workbench.page.layers import png_of
 from endoct.workbench.page.presence import Gone, Origin, concerning
@@ -64,14 +65,15 @@ MOST_THREADS = 2
 FARTHEST_MM, MOST_TURNS_RAD = 1e5, 1e5
 
 
-async def _answer(act: Callable[[bytes], dict[str, Any]], origin: Origin, request: Request) -> Response:
-    """Answer with what ``act`` makes of the body."""
+async def _answer(act: Callable[[bytes], dict[str, Any] | Response], origin: Origin, request: Request) -> Response:
+    """Answer with what ``act`` makes of the body, as JSON where that is no answer yet."""
     data = await posted_json(request)
     if isinstance(data, Response):
         return data
     try:
         origin.check_named(request)
-        return Json(await run_in_threadpool(act, data), headers=FRESH)
+        answer = await run_in_threadpool(act, data)
+        return answer if isinstance(answer, Response) else Json(answer, headers=FRESH)
     except Gone:
         raise
     except EndoctError as error:
@@ -182,10 +184,12 @@ class _Answers:
     def routes(self) -> list[Route]:
         """Return the addresses; those of landmarks and drawings are there for a comparison only."""
         shown, origin = self._shown, self._shown.origin
+        exports = Exports(origin)
         asked: dict[str, Callable[[Request], Response]] = {
             "/": self.page,
             "/present": lambda _: Response(status_code=204, headers=FRESH),
             "/description.json": self.description,
+            "/exports.json": lambda _: Json(exports.listed(), headers=FRESH),
             "/outlines.json": lambda _: Json(shown.outlines(), headers=FRESH),
             "/values.json": self.values,
             "/relief/{version}/{key}.bin": self.relief,
@@ -194,13 +198,17 @@ class _Answers:
             "/reading/{side}": self.reading,
             "/tiles/{version}/{key}/{level}/{column}_{row}.png": self.tile,
         }
-        posted: dict[str, Callable[[bytes], dict[str, Any]]] = {}
+        posted: dict[str, Callable[[bytes], dict[str, Any] | Response]] = {
+            "/export-line.json": exports.command,
+            "/export.json": exports.save,
+            "/export": exports.download,
+        }
         if (session := shown.session) is not None:
             asked["/session.json"] = lambda _: Json(session.state(), headers=FRESH)
             posted |= {"/session.json": session.save, "/landmarks.json": session.judged_from}
         if (masks := shown.masks) is not None:
             asked["/masks.json"] = lambda _: Json(masks.listed(), headers=FRESH)
-            posted |= {"/masks.json": masks.save, "/drawing.json": masks.outlined}
+            posted |= {"/masks.json": masks.save, "/drawing.json": masks.outlined, "/score.json": masks.score}
         checked = concerning(origin)
         return [
             *(Route(path, checked(answer)) for path, answer in asked.items()),
@@ -370,16 +378,21 @@ class Page:
             await self._app(scope, receive, send)
 
     def _serve(self, shown: Shown) -> None:
-        self._origin, self._app = shown.origin, app_for(shown, *self._place)
+        self._shown, self._origin, self._app = shown, shown.origin, app_for(shown, *self._place)
+        self._saved = shown.masks and shown.masks.listed()
 
     def _follow(self) -> str:
-        """Open what lies in the folder now, where that is something else; return why it cannot be, else ""."""
+        """Open what lies in the folder now, where that is something else; return why it cannot be, else "".
+
+        Masks that were saved meanwhile are layers then.
+        """
         with self._lock:
-            try:
+            with suppress(Gone):
                 self._origin.check_present()
-            except Gone:
-                try:
-                    self._serve(self._open_anew())
-                except EndoctError as error:
-                    return str(error)
+                if not self._shown.masks or self._shown.masks.listed() == self._saved:
+                    return ""
+            try:
+                self._serve(self._open_anew())
+            except EndoctError as error:
+                return str(error)
         return ""

@@ -227,6 +227,10 @@ class Collection:
         """Return the entry to whose page an address belongs; None where there is none."""
         return next((one for one in self._entries if one.can_be_opened and f"{path}/".startswith(f"{one.name}/")), None)
 
+    def called(self, name: object) -> Entry | None:
+        """Return the entry of that name, None where there is none."""
+        return next((each for each in self._entries if each.name == name), None)
+
     def page(self, entry: Entry, host: str, port: int) -> ASGIApp:
         """Return the application that serves the page of ``entry``."""
 

@@ -1,6 +1,7 @@
 """Many comparisons to one summary: a tidy table, medians, paired differences, repeatability."""
 
 import csv
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of, repeatability
 from endoct.workbench.running.outputs import json_text
 
+FIRST, SECOND = "first", "second"
 Row = dict[str, str | float | None]
 """A line of a table, by column."""
 Value = tuple[float | None, Interval]
@@ -124,8 +126,7 @@ def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool
     """
     if not folders:
         raise EndoctError("there is nothing to summarise", expected="folders written by `endoct compare`")
-    first = [_read(folder, "first", repeats) for folder in folders]
-    second = [_read(folder, "second", repeats) for folder in against]
+    first, second = (read_set(*of, repeats=repeats) for of in ((folders, FIRST), (against, SECOND)))
     rows = [row for one in (*first, *second) for row in _rows(one)]
     return {
         "scores": rows,
@@ -150,13 +151,25 @@ def write_summary(tables: Mapping[str, Sequence[Row]], folder: Path) -> None:
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
 
 
-def _read(folder: Path, set_: str, repeats: bool) -> Compared:
+def read_set(folders: Sequence[Path], name: str, *, repeats: bool) -> list[Compared]:
+    """Return the comparisons in ``folders`` as the set ``name``.
+
+    A specimen is named by its folder, with those above it as far as they differ: two that are called alike stay two.
+    Raises :class:`EndoctError` where a folder is no comparison.
+    """
+    results = [_result_in(folder) for folder in folders]
+    whole = [folder.resolve() for folder in folders]
+    places = [folder.parent if repeats else folder for folder in whole]
+    above = os.path.commonpath([place.parent for place in places]) if places else ""
+    specimens = [path_text(place.relative_to(above).as_posix()) for place in places]
+    return [Compared(*of) for of in zip(whole, [name] * len(whole), specimens, results, strict=True)]
+
+
+def _result_in(folder: Path) -> Result:
     try:
-        result = read_result(folder)
+        return read_result(folder)
     except EndoctError as error:
         raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=EXPECTED) from error
-    folder = folder.resolve()
-    return Compared(folder, set_, path_text((folder.parent if repeats else folder).name), result)
 
 
 def _rows(compared: Compared) -> Iterator[Row]:

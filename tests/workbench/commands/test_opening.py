@@ -1,5 +1,8 @@
 """What `endoct open` says as it ends: which runs go on without it."""
 
+import sys
+import tomllib
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -33,3 +36,12 @@ def test_runs_that_go_on_are_counted(
     assert first.startswith("http://here/")
     assert f" shows {tmp_path}; Ctrl+C ends it" in " ".join([first, *rest])
     assert [line.split("; ")[0] for line in rest if "runs go on" in line] == said
+
+
+def test_a_double_click_opens_the_start_page(monkeypatch: pytest.MonkeyPatch):
+    scripts = tomllib.loads(Path("pyproject.toml").read_text())["project"]["gui-scripts"]
+    module, _, name = scripts["endoct-workbench"].partition(":")
+    monkeypatch.setattr("sys.argv", ["endoct-workbench", "x"])
+    monkeypatch.setattr("endoct.workbench.cli.main", lambda: None)
+    getattr(import_module(module), name)()
+    assert sys.argv[1:] == ["open"]

@@ -16,8 +16,10 @@ from workbench_page import Served, application, post, serving
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
+from endoct.workbench import summarise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.desk_app import desk_app, take_file
+from endoct.workbench.page.notes import NAME
 from endoct.workbench.running.outputs import POSE
 
 OVER_A_SOCKET = pytest.mark.parametrize("served", [serving], indirect=True, ids=["socket"])
@@ -49,7 +51,7 @@ def test_the_pages_and_what_they_ask_for(served: Served, desk: Desk, address: st
     form = json.loads(served.get(f"{address}sidecar.json?name={name}")[1])
     assert form["modality"] == "oct"
     assert set(json.loads(served.get(f"{desk.root}/forms.json")[1])) == {
-        "unroll", "compare", "pose", "calibrate", "simulate",
+        "unroll", "compare", "pose", "calibrate", "simulate", "demo", "summarise",
     }  # fmt: skip
     listed = json.loads(served.get(f"{desk.root}/folders.json?in={quote(str(study))}")[1])
     assert listed == {"folder": str(study), "above": str(study.parent), "names": ["bore-1"]}
@@ -108,6 +110,72 @@ def test_a_dropped_file_lies_in_the_folder(served: Served, address: str, study: 
     assert post(served, f"{address}file?name=x", b"content")[0] == 415
     assert post(served, f"{address}file?name=x", b"content", Origin=None, **octets)[0] == 403
     assert not (study.parent / "x").exists()
+
+
+@pytest.fixture
+def compared(study: Path, comparison: Path) -> Path:
+    """A comparison of the study's two recordings, as the page has it written."""
+    folder = Path(shutil.copytree(comparison, study / "results" / "bore-1"))
+    result = json.loads((folder / "result.json").read_text())
+    result["inputs"] = {"bore-1/endoscope/*": "0" * 64, str(study / "bore-1/oct/pullback.tif"): "1" * 64}
+    (folder / "result.json").write_text(json.dumps(result))
+    return folder
+
+
+def results(served: Served, address: str) -> dict[str, Any]:
+    entries = json.loads(served.get(f"{address}results.json")[1])["entries"]
+    return {entry["name"]: entry for entry in entries}
+
+
+def found(served: Served, address: str) -> None:
+    while json.loads(served.get(f"{address}found.json")[1])["looking"]:
+        time.sleep(0.01)
+
+
+def test_a_result_names_its_recordings_and_whether_they_changed(served: Served, address: str, compared: Path):
+    found(served, address)
+    entry = results(served, address)["results/bore-1"]
+    assert entry["of"] == ["bore-1/endoscope", "bore-1/oct"]
+    made = (compared / "result.json").stat().st_mtime
+    sidecar = compared.parents[1] / "bore-1" / "oct" / "acquisition.toml"
+    for seconds, changed in ((made - 1, False), (made + 1, True)):
+        for path in (compared.parents[1] / "bore-1").rglob("*"):
+            os.utime(path, (made - 1, made - 1))
+        os.utime(sidecar, (seconds, seconds))
+        assert results(served, address)["results/bore-1"]["changed"] is changed
+
+
+def test_a_note_on_a_result_is_kept_beside_it(served: Served, address: str, compared: Path):
+    sent = {"name": "results/bore-1", "text": "drilled <twice>", "was": ""}
+    assert json.loads(post(served, f"{address}note", sent)[1]) == {"note": "drilled <twice>"}
+    assert results(served, address)["results/bore-1"]["note"] == "drilled <twice>"
+    status, said = post(served, f"{address}note", sent)
+    assert (status, "changed meanwhile" in said) == (409, True)
+    assert post(served, f"{address}note", {**sent, "text": "a\x1b[2J", "was": "drilled <twice>"})[0] == 409
+    shutil.rmtree(compared)
+    assert post(served, f"{address}note", {**sent, "was": "drilled <twice>"})[0] == 404
+    assert not compared.exists()
+
+
+def test_a_summary_is_listed_with_its_report(served: Served, address: str, compared: Path):
+    summarise([compared], compared.parent / "all of them")
+    entry = results(served, address)["results/all of them"]
+    assert (entry["kind"], entry["fault"], entry["level"]) == ("summary", "", None)
+    status, page, headers = served.get(f"{address}{entry['address']}")
+    assert (status, b"Every comparison" in page) == (200, True)
+    assert "sandbox" in headers["content-security-policy"]
+    assert served.get(f"{address}{entry['thumbnail']}")[1].startswith(b"\x89PNG")
+    asked = {"command": "summarise", "values": {"folders": ["results/bore-1"], "output": "results/s"}}
+    line = json.loads(post(served, f"{address}command", asked)[1])["command"]
+    assert line == "endoct summarise results/bore-1 --output=results/s"
+    asked["values"]["folders"] = ["../elsewhere"]  # type: ignore[index]
+    assert post(served, f"{address}command", asked)[0] == 409
+
+
+@pytest.mark.parametrize("name", ["../my study", "/etc", "", "results", "bore-1/oct", "a\x1b[2J", None, 3, "x" * 5000])
+def test_a_note_on_what_is_no_result_is_refused(name: object, served: Served, address: str, study: Path):
+    assert post(served, f"{address}note", {"name": name, "text": "x", "was": ""})[0] == 404
+    assert not list(study.parent.rglob(NAME))
 
 
 HOSTILE = ["x" * 300, "/".join(["x" * 200] * 30), "loop", "loop/loop/x", "half \ud800", "\0", "../..", "", "a\udce9"]

@@ -1,6 +1,8 @@
 """The pages of `endoct open` in a real browser: a newcomer's way from two bare folders to a verdict."""
 
+import json
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -197,3 +199,62 @@ def test_dropped_files_are_copied_and_looked_at(chromium: Any, served: Served, d
         says(watched.page, ".fault", "exists already")
         assert (study / "note.txt").read_text() == "of mine"
         watched.errors[:] = [one for one in watched.errors if "409" not in one]
+
+
+def test_a_sample_bore_is_queued_from_the_start_page(chromium: Any, served: Served, desk: Desk, tmp_path: Path):
+    (tmp_path / "mine" / "sample").mkdir(parents=True)
+    desk.state.queue.leave()  # queued, not run
+    with page_of(chromium, served, f"{desk.root}/", ".folders") as watched:
+        page = watched.page
+        page.fill("input[type=text]", str(tmp_path / "mine"))
+        page.click("text=Try it here")
+        page.wait_for_selector(".queue li", timeout=LONG_MS)
+        (run,) = desk.state.queue.runs()
+        assert (run.arguments, run.folder) == (("demo", "--output=sample-2"), tmp_path / "mine")
+
+
+def test_results_are_sorted_filtered_grouped_and_noted_on(
+    chromium: Any, served: Served, desk: Desk, study: Path, comparison: Path
+):
+    for bore, jaccard in (("bore-1", 0.5), ("bore-2", 0.9)):
+        folder = shutil.copytree(comparison, study / "results" / bore / "run-1")
+        result = json.loads((folder / "result.json").read_text())
+        inputs = {f"bore-1/{side}/x": "0" * 64 for side in ("endoscope", "oct")} if bore == "bore-1" else {}
+        (folder / "result.json").write_text(json.dumps({**result, "jaccard": jaccard, "inputs": inputs}))
+    shutil.copytree(study / "bore-1", study / "bore-3")
+    with page_of(chromium, served, desk.open(study).address, ".results tr[data-name]") as watched:
+        page = watched.page
+        rows = "document.querySelectorAll('.results tr[data-name]')"
+
+        def listed(*wanted: str) -> None:
+            named = f"[...{rows}].map((row) => row.dataset.name).join(' ')"
+            page.wait_for_function(f"(wanted) => {named} === wanted", arg=" ".join(wanted))
+
+        one, two = "results/bore-1/run-1", "results/bore-2/run-1"
+        listed(one, two)
+        page.get_by_role("button", name="Jaccard index").focus()
+        page.keyboard.press("Enter")
+        page.keyboard.press("Enter")
+        assert page.locator("th[aria-sort=descending]").inner_text().startswith("Jaccard index")
+        listed(two, one)
+        page.fill("input[type=search]", "BORE-1 trusted")
+        listed(one)
+        page.fill("input[type=search]", "")
+        page.get_by_label("groups").select_option("folder")
+        listed(one, two)
+        assert page.locator(".results .group").all_inner_texts() == ["results/bore-1", "results/bore-2"]
+        page.get_by_label("groups").select_option("bore")
+        page.locator(".results .group", has_text="bore-1").wait_for()  # of whose recordings it is
+        page.click(f".results tr[data-name='{one}'] button")
+        page.get_by_label("note", exact=True).fill("wet <b>")
+        page.click("dialog button:text('Save')")
+        page.locator(f".results tr[data-name='{one}'] button", has_text="wet <b>").wait_for()
+        page.wait_for_selector(".pairs button:text('compare 1 of 2 pairs')")  # the other has a result
+        page.click("text=choose pairs")
+        page.click(".pairs button:text('none')")
+        assert page.locator(".pairs button").first.is_disabled()
+        page.click(".pairs li:has-text('bore-1') input")
+        page.wait_for_selector(".pairs button:text('compare 1 of 2 pairs'):enabled")
+        page.click("button:text('summarise')")
+        says(page, "dialog .command", f"^endoct summarise {two} {one} --output=results/summary$")
+        page.click("dialog button:text('Close')")

@@ -16,12 +16,14 @@ from workbench_page import application, post
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
-from endoct.fusion.files.masks import read_mask
-from endoct.fusion.files.store import load_comparison
+from endoct.fusion.files.masks import read_mask, score_against
+from endoct.fusion.files.store import load_comparison, save_comparison
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import load_panorama
 from endoct.workbench.page import drawn_masks
 from endoct.workbench.page.drawn_masks import Shape, painted, shapes_from
+from endoct.workbench.page.saved_masks import flooded
 from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import verify
 
@@ -283,3 +285,114 @@ def test_a_mask_that_another_window_saves_meanwhile_keeps_its_place(
         drawn_masks._write(folder, "oct", "anna_1", np.eye(4, 8, dtype=bool), grid)
     assert sorted(path.name for path in masks.iterdir()) == ["anna_1.png", "anna_1.toml"]
     assert (masks / "anna_1.png").read_bytes() == b"another's"
+
+
+RING = SurfaceGrid.full_circle(7, 12, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+"""A cell with a hole over the seam of θ, a cell without, and one that is open to the end of the bore."""
+PICTURE = np.array([[letter == "#" for letter in row] for row in (
+    "..........#.",
+    "##........##",
+    ".#.##.....#.",
+    ".#.##.....#.",
+    "##........##",
+    "....###.....",
+    "....#.#.....",
+)])  # fmt: skip
+
+
+def click(row: int, column: int, *, adds: bool) -> np.ndarray[Any, Any]:
+    place = [[float(RING.theta_rad[column]) - 2 * np.pi, float(RING.z_mm[row]) + 0.03]]
+    return painted(shapes_from([{"points": place, "adds": adds, "radius_mm": 0}]), RING, PICTURE)
+
+
+@pytest.mark.parametrize("column", [0, 11])
+def test_a_click_fills_a_hole_over_the_seam_and_nothing_else(column: int):
+    changed = click(2, column, adds=True) ^ PICTURE
+    assert sorted(zip(*(axis.tolist() for axis in np.nonzero(changed)), strict=True)) == [
+        (2, 0), (2, 11), (3, 0), (3, 11),
+    ]  # fmt: skip
+
+
+def test_a_click_takes_a_whole_cell_away_also_over_a_corner():
+    assert np.count_nonzero(PICTURE) - np.count_nonzero(click(2, 3, adds=False)) == 4
+    over_corners = click(0, 10, adds=False) ^ PICTURE
+    assert over_corners.sum() == PICTURE[:5].sum() - 4  # all of the ring, both of its halves
+    assert (click(0, 0, adds=False) == PICTURE).all()  # there is no cell
+    assert (click(2, 3, adds=True) == PICTURE).all()  # nor a hole
+
+
+@pytest.mark.parametrize(("row", "column"), [(0, 0), (6, 5), (2, 7)])
+def test_what_no_cell_encloses_is_not_filled(row: int, column: int):
+    with pytest.raises(EndoctError, match="no cell encloses"):
+        click(row, column, adds=True)
+
+
+def test_a_cell_is_connected_over_corners_and_a_hole_is_not():
+    cell = np.zeros((5, 12), np.bool_)
+    cell[[1, 2, 2, 3], [5, 4, 6, 5]] = True
+    filled = flooded(cell, 2, 5, adds=True) ^ cell
+    assert np.argwhere(filled).tolist() == [[2, 5]]
+    assert not flooded(cell, 1, 5, adds=False).any()
+
+
+def test_a_mask_of_either_side_is_scored_where_that_side_lies(folder: Path):
+    found = load_comparison(folder / "comparison.zarr")
+    shutil.rmtree(folder / "comparison.zarr")
+    moved = Alignment(1.0, 0.2, confidence=0.6, correlation=0.9, ratio=3.0)
+    save_comparison(replace(found, alignment=moved), folder / "comparison.zarr")
+    with application(folder) as served:
+        for side in ("endoscope", "oct"):
+            drawn = drawing(side=side, ground="cells", shapes=[])
+            assert post(served, "/masks.json", drawn)[0] == 200
+            scores = json.loads(post(served, "/score.json", {"side": side, "mask": "anna_1"})[1])["scores"]
+            assert scores[side]["jaccard"] > 0.95  # it is that side's own cells
+
+
+def test_a_click_has_one_place():
+    with pytest.raises(EndoctError, match="one place"):
+        shapes_from([{"points": [[0, 1], [0, 1]], "adds": True, "radius_mm": 0}])
+
+
+def test_a_saved_mask_is_a_layer_an_outline_and_a_score(folder: Path):
+    with application(folder) as served:
+        for side in ("endoscope", "oct"):
+            assert post(served, "/masks.json", drawing(side=side, ground="cells", session="2"))[0] == 200
+        before = served.get("/description.json")[1]
+        assert served.get("/")[0] == 200  # loaded anew
+        description = json.loads(served.get("/description.json")[1])
+        assert "saved: anna_2" not in before.decode()
+        keys = ["drawn.endoscope.anna_2", "drawn.oct.anna_2"]
+        assert [layer["key"] for layer in description["layers"] if layer["title"] == "saved: anna_2"] == keys
+        outlines = json.loads(served.get("/outlines.json")[1])
+        assert all(len(outlines[key]) >= 2 for key in keys)
+        tiles = [served.get(f"/tiles/1/{key}/0/0_0.png") for key in keys]
+        assert all(status == 200 for status, *_ in tiles)
+        answers = [
+            json.loads(post(served, "/score.json", {"side": side, "mask": "anna_2"})[1])
+            for side in ("endoscope", "oct")
+        ]
+    drawn = read_mask(
+        folder / "masks" / "endoscope" / "anna_2.png", load_panorama(folder / "panoramas" / "endoscope.zarr")
+    )
+    expected = score_against(load_comparison(folder / "comparison.zarr"), drawn)
+    for side, scores in answers[0]["scores"].items():
+        assert scores["jaccard"] == expected[side].jaccard
+    assert answers[0]["scores"]["endoscope"]["jaccard"] > answers[0]["scores"]["oct"]["jaccard"]  # drawn on its cells
+    assert answers[1]["scores"]["oct"]["jaccard"] > answers[1]["scores"]["endoscope"]["jaccard"]
+    assert "--truth" in answers[0]["command"]
+
+
+def test_masks_that_cannot_be_read_are_no_layers_and_say_why(folder: Path):
+    place = folder / "masks" / "endoscope"
+    place.mkdir(parents=True)
+    (place / "anna_1.png").write_bytes(b"no picture")
+    Image.fromarray(np.eye(5, dtype=np.uint8) * 255).save(place / "anna_2.png")
+    with application(folder) as served:
+        assert "saved:" not in served.get("/description.json")[1].decode()
+        for mask, said in (("anna_1", "anna_1"), ("anna_2", "not of this panorama"), ("../x", "no such mask"),
+                           ("anna_9", "anna_9"), ("a\x1b_1", "no such mask"), (None, "no such mask")):  # fmt: skip
+            status, answer = post(served, "/score.json", {"side": "endoscope", "mask": mask})
+            assert (status, said in answer) == (409, True), answer
+        assert post(served, "/score.json", {"side": "../oct", "mask": "anna_1"})[0] == 409
+        shutil.rmtree(folder)
+        assert post(served, "/score.json", {"side": "endoscope", "mask": "anna_1"})[0] == 410

@@ -332,6 +332,7 @@ def test_names_and_sentences_with_html_are_shown_as_text(chromium: Any, tmp_path
 def test_the_offline_file_is_the_same_page(chromium: Any, frozen_file: Path, served: Served):
     with opened(chromium, frozen_file.as_uri()) as page:
         assert [one for one in page.asked if not one.startswith(("file:", "data:", "blob:"))] == []
+        assert page.page.get_by_role("button", name="export…").count() == 0  # nobody is there to write a file
         page.page.mouse.move(*middle(page, 1))
         page.page.mouse.wheel(0, -300)
         page.settle()

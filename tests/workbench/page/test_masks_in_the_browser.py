@@ -86,3 +86,26 @@ def test_what_was_drawn_is_not_lost_by_choosing_another_ground(chromium: Any, tm
         page.keyboard.press("Control+z")
         page.locator("[aria-label='on which side']").select_option("oct")
         assert page.locator("[aria-label='on which side']").input_value() == "oct"
+
+
+def test_what_was_drawn_is_there_again_until_it_is_saved(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.keyboard.press("d")
+        page.select_option("[aria-label='over what']", "")
+        view = page.locator(".pane .view").first.bounding_box()
+        page.mouse.click(view["x"] + view["width"] / 2, view["y"] + view["height"] / 2)
+        page.locator(".masks small", has_text="not saved").wait_for()
+        page.once("dialog", lambda dialog: dialog.accept())
+        page.reload()
+        page.locator(".masks", has_text="here again").wait_for()
+        assert page.locator("[aria-label='over what']").input_value() == ""
+        page.click(".masks >> text=save mask")
+        page.click(".masks >> text=show saved masks")
+        page.wait_for_selector(".toolbar button:has-text('saved: me_1')")
+        assert page.locator(".masks").is_hidden()  # nothing is left to go on with
+        page.keyboard.press("d")
+        page.click(".masks button:text-is('me_1')")
+        page.locator(".masks", has_text="Jaccard index against me_1: endoscope 0.").wait_for()
+        assert drawn(folder, "me_1").any()

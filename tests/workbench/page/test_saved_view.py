@@ -301,3 +301,29 @@ def test_the_offline_file_saves_the_view_too(chromium: Any, comparison: Path, tm
         if kind == "SVG":
             [shown] = layers_of(content)
             assert is_coloured(shown[shown.shape[0] // 2 :][:8]).mean() > 0.9
+
+
+def test_a_file_for_another_program_is_chosen_by_keys_alone(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.get_by_role("button", name="export…").focus()
+        page.keyboard.press("Enter")
+        page.wait_for_selector("dialog .command:not(:empty)")
+        assert page.get_by_role("button", name="download").is_disabled()  # the first format is a folder
+        page.locator("dialog input:checked").focus()
+        while page.locator("dialog input:checked").input_value() != "csv":
+            page.keyboard.press("ArrowDown")
+        page.locator("dialog .command", has_text="--to csv --side=endoscope").wait_for()
+        page.get_by_label("side", exact=True).select_option("oct")
+        line = f"endoct export {folder} --to csv --side=oct -o {tmp_path / 'result.csv'}"
+        page.locator("dialog .command", has_text=line).wait_for()
+        with page.expect_download() as arriving:
+            page.get_by_role("button", name="download").click()
+        assert arriving.value.suggested_filename == "result.csv"
+        page.locator("dialog .said", has_text="is downloaded").wait_for()
+        page.get_by_role("button", name="save beside the result").click()
+        page.locator("dialog .said", has_text=str(tmp_path / "result.csv")).wait_for()
+        assert (tmp_path / "result.csv").read_bytes() == Path(arriving.value.path()).read_bytes()
+        page.keyboard.press("Escape")
+        page.wait_for_selector("dialog", state="detached")

@@ -102,11 +102,15 @@ def draw_scores(findings: Findings) -> Drawn | None:
     area = scores.area_mm2 if pairs.size else None
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 2.2)
-        _by_kind(
+        plot_by_kind(
             place(figure, 0.95, 0.0, 3.1 if area else 6.1, 1.95), scores.strata, "(a) Jaccard index by kind of cell"
         )
         if area:
-            _bland_altman(place(figure, 4.7, 0.0, 2.45, 1.95), pairs, area, findings)
+            axes = place(figure, 4.7, 0.0, 2.45, 1.95)
+            a, b = (side.name for side in findings.sides)
+            plot_differences(axes, pairs, area, f"{b} − {a} (mm²)", ("(b) area of matched cells", "mean area (mm²)"))
+            axes.set_xscale("log")
+            number_decades(axes.xaxis)
         rendered = render(figure, "scores")
     caption = (
         "(a) Jaccard index over n places at which either side shows a cell, with its 95 % interval where n is at "
@@ -122,7 +126,8 @@ def draw_scores(findings: Findings) -> Drawn | None:
     return Drawn(rendered, "agreement", "Agreement by kinds of cells", caption)
 
 
-def _by_kind(axes: Axes, strata: Strata, title: str) -> None:
+def plot_by_kind(axes: Axes, strata: Strata, title: str) -> None:
+    """Plot the Jaccard index of every stratum with its interval, a line each."""
     place, ticks, names = 0.0, [], []
     for kind, rows in strata.by_kind().items():
         axes.text(-0.02, place, STRATA_TITLES[kind], ha="right", va="center", fontweight="bold", fontsize=7.0)
@@ -147,18 +152,19 @@ def _by_kind(axes: Axes, strata: Strata, title: str) -> None:
     axes.set_xlabel("Jaccard index")
 
 
-def _bland_altman(axes: Axes, pairs: Coordinates, area: Limits, findings: Findings) -> None:
-    a, b = (side.name for side in findings.sides)
+def plot_differences(axes: Axes, pairs: Coordinates, limits: Limits, differs: str, titles: tuple[str, str]) -> None:
+    """Plot ``pairs`` (n, 2) as Bland and Altman do: the second less the first, against the mean of both.
+
+    ``differs`` names the difference; ``titles`` are that of the plot, and what the mean is.
+    """
     axes.plot(pairs.mean(axis=1), pairs[:, 1] - pairs[:, 0], "o", color=INK, markersize=2.5)
     axes.axhline(0, color="#b0b0b0", linewidth=0.6)
-    axes.axhline(area.bias, color=VERMILION, linewidth=1.0)
-    for limit in (area.low, area.high):
+    axes.axhline(limits.bias, color=VERMILION, linewidth=1.0)
+    for limit in (limits.low, limits.high):
         axes.axhline(limit, color=VERMILION, linewidth=0.8, linestyle="--")
-    axes.set_xscale("log")
-    number_decades(axes.xaxis)
-    axes.set_title("(b) area of matched cells", pad=4)
-    axes.set_xlabel("mean area (mm²)")
-    axes.set_ylabel(f"{b} − {a} (mm²)")
+    axes.set_title(titles[0], pad=4)
+    axes.set_xlabel(titles[1])
+    axes.set_ylabel(differs)
     for edge in ("top", "right"):
         axes.spines[edge].set_visible(False)
 

@@ -5,8 +5,9 @@ import re
 import struct
 import textwrap
 import zlib
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -109,8 +111,31 @@ def width_of(axes: Axes) -> float:
     return float(axes.get_position(original=True).width * axes.figure.bbox.width / DPI)
 
 
+Keep = Callable[[Figure, str, Bbox], None]
+"""Takes a figure, its name, and where in inches on its paper there is ink."""
+_KEEP: ContextVar[Keep | None] = ContextVar("_KEEP", default=None)
+
+
+def svg_of(figure: Figure, inked: Bbox) -> bytes:
+    """Return what is ``inked`` of a figure as SVG; its text stays text, and the same figure gives the same bytes."""
+    file = io.BytesIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "endoct"}):
+        figure.savefig(file, format="svg", metadata={"Date": None}, bbox_inches=inked)
+    return file.getvalue()
+
+
+@contextmanager
+def handed_to(keep: Keep) -> Iterator[None]:
+    """Have every figure that is rendered within the block handed to ``keep``, and no picture made of it."""
+    token = _KEEP.set(keep)
+    try:
+        yield
+    finally:
+        _KEEP.reset(token)
+
+
 def render(figure: Figure, name: str) -> Rendered:
-    """Return ``figure`` as a picture with its white margins trimmed."""
+    """Return ``figure`` as a picture with its white margins trimmed; without pixels where it is :func:`handed_to`."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     # trimmed here: matplotlib's own trimming draws everything twice
@@ -119,7 +144,12 @@ def render(figure: Figure, name: str) -> Rendered:
     rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
     margin = round(0.04 * DPI)
     top, left = max(0, rows[0] - margin), max(0, columns[0] - margin)
-    trimmed = np.ascontiguousarray(pixels[top : rows[-1] + margin + 1, left : columns[-1] + margin + 1, :3])
+    bottom, right = rows[-1] + margin + 1, columns[-1] + margin + 1
+    if (keep := _KEEP.get()) is not None:
+        high = pixels.shape[0]
+        keep(figure, name, Bbox([[left / DPI, (high - bottom) / DPI], [right / DPI, (high - top) / DPI]]))
+        return Rendered(name, (right - left) / DPI, b"", None)
+    trimmed = np.ascontiguousarray(pixels[top:bottom, left:right, :3])
     png = _png(trimmed)
     return Rendered(name, trimmed.shape[1] / DPI, png, _jpeg(trimmed) if len(png) > MOST_EMBEDDED_BYTES else None)
 

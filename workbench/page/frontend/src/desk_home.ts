@@ -15,10 +15,17 @@ export async function showHome(main: HTMLElement): Promise<void> {
   const path = element("input", { type: "text", "aria-label": "path of a folder", placeholder: "/path/of/a/folder", spellcheck: "false" });
   const fault = element("p", { class: "fault", role: "alert" });
   const list = element("ul", { class: "folders" });
-  const open = async (): Promise<void> => {
+  const open = async (isSample = false): Promise<void> => {
     try {
       fault.textContent = "";
-      const { address } = await post<{ address: string }>(`${root}/open`, { folder: path.value.trim() });
+      const folder = path.value.trim();
+      const { address } = await post<{ address: string }>(`${root}/open`, { folder });
+      if (isSample) {
+        const { names } = await ask<Listed>(`${root}/folders.json?in=${encodeURIComponent(folder)}`);
+        let output = "sample";
+        for (let k = 2; names.includes(output); k += 1) output = `sample-${k}`;
+        await post(`${address}run`, { command: "demo", values: { output } });
+      }
       location.assign(address);
     } catch (error) {
       fault.textContent = message(error);
@@ -36,7 +43,8 @@ export async function showHome(main: HTMLElement): Promise<void> {
       fault.textContent = message(error);
     }
   };
-  const form = element("form", { class: "line" }, path, element("button", { type: "submit", class: "chief" }, "Open this folder"));
+  const form = element("form", { class: "line" }, path, element("button", { type: "submit", class: "chief" }, "Open this folder"),
+    button("Try it here", "simulate a bore in this folder, compare its recordings, and see what comes of it: half a minute", null, () => void open(true)));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     void open();

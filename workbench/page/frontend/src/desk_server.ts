@@ -35,7 +35,7 @@ export interface NextStep {
 
 export interface Result {
   name: string;
-  kind: "comparison" | "recording" | "specimen";
+  kind: "comparison" | "recording" | "specimen" | "summary";
   about: string;
   level: "trusted" | "uncertain" | "doubted" | "unaligned" | null;
   headline: string;
@@ -44,6 +44,10 @@ export interface Result {
   doubts: string[];
   steps: NextStep[];
   written: string;
+  /** The recordings that were compared, and whether one was changed since. */
+  of: string[];
+  changed: boolean;
+  note: string;
   fault: string;
   address: string;
   thumbnail: string;

@@ -2,14 +2,15 @@
 
 import { openForm } from "./desk_form";
 import { takeDropped } from "./desk_drop";
+import { type Pair, PairsPanel } from "./desk_pairs";
 import { QueuePanel } from "./desk_queue";
+import { ResultsTable } from "./desk_results";
 import { ask, message, named, post, type Form, type Found, type Item, type Result, type Unread, type Values } from "./desk_server";
 import { followAddress, stepsOf, type Study } from "./desk_steps";
 import { button, element } from "./dom";
 import { explain } from "./explain";
 
 const LOOK_MS = 600;
-const LEVELS = { trusted: "trusted", uncertain: "uncertain", doubted: "doubted", unaligned: "not aligned" };
 
 export async function showStudy(main: HTMLElement): Promise<void> {
   await new StudyPage(main).start();
@@ -17,9 +18,9 @@ export async function showStudy(main: HTMLElement): Promise<void> {
 
 class StudyPage {
   private readonly inputs = element("tbody");
-  private readonly pairs = element("div");
+  private readonly pairs = new PairsPanel((pairs) => void this.compareAll(pairs));
   private readonly unread = element("div", { class: "unread" });
-  private readonly results = element("tbody");
+  private readonly results = new ResultsTable((folders) => this.run("summarise", { folders, output: this.free("results/summary") }), (entry) => stepsOf(entry, this.study));
   private readonly said = element("small", { role: "status" });
   private readonly fault = element("p", { class: "fault", role: "alert" });
   private readonly queue: QueuePanel;
@@ -45,9 +46,8 @@ class StudyPage {
         element("div", {},
           this.fault,
           element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate),
-            element("table", { class: "inputs" }, head("picture", "name", "what it is", "size", "what to do"), this.inputs), this.pairs, this.unread),
-          element("section", { class: "card" }, element("h2", {}, "Results"),
-            element("table", { class: "results" }, head("picture", "name", "verdict", "Jaccard index", "doubts", "written"), this.results))),
+            element("table", { class: "inputs" }, head("picture", "name", "what it is", "size", "what to do"), this.inputs), this.pairs.element, this.unread),
+          this.results.element),
         this.queue.element));
     try {
       this.forms = await ask<Record<string, Form>>(`${this.main.dataset["root"] ?? ""}/forms.json`);
@@ -69,18 +69,20 @@ class StudyPage {
     await this.showAll();
   }
 
-  /** Results are there at once; recordings, as they are found. */
+  /** Results are there at once; recordings, as they are found; then it is known which recordings a result is of. */
   private async showAll(): Promise<void> {
     await Promise.all([this.showResults(), this.follow()]);
+    await this.showResults();
   }
 
   private async follow(): Promise<void> {
     try {
-      do {
+      for (;;) {
         this.found = await ask<Found>("found.json");
         this.showInputs();
-        if (this.found.looking) await new Promise((done) => setTimeout(done, LOOK_MS));
-      } while (this.found.looking);
+        if (!this.found.looking) return;
+        await new Promise((done) => setTimeout(done, LOOK_MS));
+      }
     } catch (error) {
       this.fault.textContent = message(error);
     }
@@ -92,13 +94,7 @@ class StudyPage {
     if (fault) this.fault.textContent = fault;
     this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
     this.unread.replaceChildren(...(looking ? [] : unreadFiles(this.found.unread, "in this folder")));
-    const { pairs } = this.found;
-    const without = pairs.filter((pair) => !this.isCompared(pair));
-    const some = without.length > 0 && without.length < pairs.length;
-    const what = some ? `compare the ${without.length} of ${pairs.length} pairs without a result` : `compare all ${pairs.length} pairs${without.length ? "" : " again"}`;
-    this.pairs.replaceChildren(...(pairs.length > 1 && !looking
-      ? [button(what, "queue a comparison for every folder with one recording each of two instruments", null, () => void this.compareAll(some ? without : pairs))]
-      : []));
+    this.pairs.show(looking ? [] : this.found.pairs, this.entries);
   }
 
   private inputRow(item: Item): HTMLElement {
@@ -145,13 +141,7 @@ class StudyPage {
     return { a, b, output: this.free(`results/${flat(pair && at ? at : item.name)}`) };
   }
 
-  /** Whether a pair has a result that can be read, under the name that it gets here. */
-  private isCompared([a]: [string, string]): boolean {
-    const stem = placeOf(a);
-    return this.entries.some((entry) => !entry.fault && entry.name.startsWith(stem) && /^(-\d+)?$/.test(entry.name.slice(stem.length)));
-  }
-
-  private async compareAll(pairs: readonly [string, string][]): Promise<void> {
+  private async compareAll(pairs: readonly Pair[]): Promise<void> {
     for (const [a, b] of pairs) {
       try {
         const place = placeOf(a);
@@ -177,9 +167,12 @@ class StudyPage {
   /** A name that no result has: the suggested one, with a number where that is taken. */
   private free(name: string): string {
     const taken = new Set([...this.entries.map((entry) => entry.name), ...this.found.inputs.flatMap((item) => [item.name, parentOf(item.name)])]);
-    const [, stem = name, suffix = ""] = /^(.*?)(\.zarr|\.toml)?$/.exec(name) ?? [];
-    let free = name;
-    for (let k = 2; taken.has(free) || this.queue.writes(free); k++) free = `${stem.replace(/-\d+$/, "")}-${k}${suffix}`;
+    const isWithin = this.entries.some((entry) => name.startsWith(`${entry.name}/`)); // no result lies in another
+    const wanted = isWithin ? `results/${flat(name.replace(/^results\//, ""))}` : name;
+    const [, stem = wanted, suffix = ""] = /^(.*?)(\.zarr|\.toml)?$/.exec(wanted) ?? [];
+    const holds = (place: string): boolean => this.entries.some((entry) => entry.name.startsWith(`${place}/`));
+    let free = wanted;
+    for (let k = 2; taken.has(free) || holds(free) || this.queue.writes(free); k++) free = `${stem.replace(/-\d+$/, "")}-${k}${suffix}`;
     return free;
   }
 
@@ -191,8 +184,7 @@ class StudyPage {
       return;
     }
     this.showInputs();
-    const rows = this.entries.filter((entry) => entry.kind !== "specimen").map((entry) => resultRow(entry, stepsOf(entry, this.study)));
-    this.results.replaceChildren(...(rows.length ? rows : [element("tr", {}, element("td", { colspan: "6" }, element("small", {}, "None yet. Unroll a recording, or compare two.")))]));
+    this.results.show(this.entries);
   }
 }
 
@@ -205,21 +197,9 @@ function unreadFiles(unread: Unread | undefined, where: string): Node[] {
   return [element("details", {}, element("summary", {}, summary), element("ul", {}, ...lines.map((line) => element("li", {}, line))))];
 }
 
-function resultRow(entry: Result, steps: readonly HTMLElement[]): HTMLElement {
-  const interval = entry.interval ? ` (${entry.interval.map((end) => end.toFixed(2)).join("–")})` : "";
-  return element("tr", { "data-name": entry.name },
-    element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
-    element("td", {}, entry.address ? element("a", { href: entry.address }, entry.name) : entry.name, " ", element("small", {}, entry.about)),
-    element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
-      : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, entry.level ? LEVELS[entry.level] : ""), element("small", {}, ` ${entry.headline}`)), ...steps),
-    element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
-    element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
-    element("td", {}, entry.written));
-}
-
-/** Where the comparison of a pair is written, whose first recording is `a`. */
+/** Where the comparison of a pair is written, whose first recording is `a`: in folders as the recordings are. */
 function placeOf(a: string): string {
-  return `results/${flat(parentOf(a) || a)}`;
+  return `results/${parentOf(a) || flat(a)}`;
 }
 
 /** A name without folders, and without the suffix of a single file. */

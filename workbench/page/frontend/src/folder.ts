@@ -1,5 +1,7 @@
 /** The table of a folder: sorted by a click on a heading, filtered by text and by kind. The rows are there already. */
 
+import { compareKeys, says, turn } from "./table_order";
+
 const body = document.querySelector("tbody");
 const heads = [...document.querySelectorAll<HTMLTableCellElement>("thead th")];
 const text = document.querySelector<HTMLInputElement>("input[type=search]");
@@ -10,30 +12,19 @@ function key(row: HTMLTableRowElement, column: number): string {
   return row.cells[column]?.dataset["key"] ?? "";
 }
 
-/** Numbers by size, texts by their letters and the numbers in them; what is not known comes last, either way. */
-function compare(one: string, other: string): number {
-  const [a, b] = [Number(one), Number(other)];
-  return Number.isNaN(a) || Number.isNaN(b) ? one.localeCompare(other, undefined, { numeric: true }) : a - b;
-}
-
 function sort(column: number): void {
-  const down = heads[column]?.getAttribute("aria-sort") === "ascending";
-  heads.forEach((head, k) => {
-    if (head.hasAttribute("aria-sort")) head.setAttribute("aria-sort", k !== column ? "none" : down ? "descending" : "ascending");
-  });
+  const down = turn(heads, column);
   const rows = [...(body?.rows ?? [])].map((row) => [key(row, column), row] as const);
-  rows.sort(([one], [other]) => (one === "" || other === "" ? Number(one === "") - Number(other === "") : (down ? -1 : 1) * compare(one, other)));
+  rows.sort(([one], [other]) => compareKeys(one, other, down));
   body?.append(...rows.map(([, row]) => row));
 }
 
 function filter(): void {
-  const words = (text?.value ?? "").toLowerCase().split(/\s+/).filter(Boolean);
   const rows = [...(body?.rows ?? [])];
   for (const row of rows) {
-    const said = row.textContent.toLowerCase();
     const wanted = which?.value ?? "";
     const isWanted = wanted === "" || row.dataset["kind"] === wanted || row.dataset["level"] === wanted;
-    row.hidden = !isWanted || !words.every((word) => said.includes(word));
+    row.hidden = !isWanted || !says(row.textContent, text?.value ?? "");
   }
   if (count) count.textContent = `${rows.filter((row) => !row.hidden).length} of ${rows.length}`;
 }

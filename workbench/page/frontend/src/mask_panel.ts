@@ -1,7 +1,7 @@
 /** The panel for drawing a mask: on which side and over what, with which tool, and under whose name it is saved. */
 
 import { button, element, select } from "./dom";
-import type { SavedMasks } from "./painting";
+import type { Drawing, SavedMasks, Tool } from "./painting";
 import type { Source } from "./source";
 import type { State } from "./state";
 
@@ -19,6 +19,10 @@ export class MaskPanel {
   private timer = 0;
   private message = "";
   private command = "";
+  private score = "";
+  private isResumed = false;
+  /** What is not saved is kept for the next visit of this very output. */
+  private readonly kept = `endoct-drawing-${document.querySelector<HTMLMetaElement>('meta[name="endoct-output"]')?.content ?? ""}`;
 
   constructor(private readonly state: State, private readonly source: Source) {
     this.rater.value = "me";
@@ -29,11 +33,36 @@ export class MaskPanel {
     window.addEventListener("beforeunload", (event) => {
       if (!state.painting.isSaved) event.preventDefault();
     });
+    this.resume();
+  }
+
+  /** Go on with what was drawn here and not saved; what is no drawing of these sides is dropped. */
+  private resume(): void {
+    try {
+      const drawing = JSON.parse(localStorage.getItem(this.kept) ?? "null") as Drawing | null;
+      if (!drawing?.shapes.length || !this.state.description.sides.includes(drawing.side)) return;
+      this.state.painting.resume(drawing);
+      this.isResumed = true;
+      requestAnimationFrame(() => this.state.tell("painting")); // once all who listen are there
+    } catch {
+      localStorage.removeItem(this.kept);
+    }
+  }
+
+  private keep(): void {
+    const { painting } = this.state;
+    try {
+      if (painting.isSaved) localStorage.removeItem(this.kept);
+      else localStorage.setItem(this.kept, JSON.stringify(painting.drawing));
+    } catch {
+      // a browser that is full, or keeps nothing, asks before the page is left
+    }
   }
 
   private follow(): void {
     const { painting } = this.state;
     this.element.hidden = !painting.active;
+    this.keep();
     if (painting.active && !this.saved) void this.load();
     this.draw();
     window.clearTimeout(this.timer);
@@ -97,12 +126,37 @@ export class MaskPanel {
     this.tools.replaceChildren(
       select("on which side", description.sides.map((side) => [side, side] as const), painting.side, (side) => begin(side, "cells")),
       select("over what", grounds, painting.ground, (ground) => begin(painting.side, ground)),
-      select("with what", [["brush", "brush"], ["outline", "outline"]], painting.tool, (tool) => { painting.tool = tool === "outline" ? "outline" : "brush"; painting.stroke = []; tell(); }),
+      select("with what", [["brush", "brush"], ["outline", "outline"], ["cell", "fill or delete"]], painting.tool, (tool) => { painting.tool = tool as Tool; painting.stroke = []; tell(); }),
       button(painting.adds ? "adds" : "erases", "add cell, or take it away (E)", !painting.adds, () => { painting.adds = !painting.adds; tell(); }),
-      ...(painting.tool === "brush" ? [size, radius] : [element("small", {}, "draw around it, or click corners and press Enter")]));
+      ...(painting.tool === "brush" ? [size, radius] : [element("small", {}, painting.tool === "outline" ? "draw around it, or click corners and press Enter" : painting.adds ? "click into a hole to fill it" : "click a cell to delete it")]));
+    const names = this.saved?.masks[painting.side] ?? [];
     this.foot.replaceChildren(
       ...(this.message ? [element("p", { class: "refused", role: "alert" }, this.message)] : []),
+      ...(this.isResumed && !painting.isSaved ? [element("p", {}, "What you drew before is here again.")] : []),
+      ...(names.length ? [element("div", { class: "tools" }, "score against", ...names.map((name) => button(name, "how well each side agrees with this mask", null, () => void this.judge(name))))] : []),
+      ...(this.score ? [element("p", {}, this.score)] : []),
+      ...(this.hasNew() ? [button("show saved masks", "load the page anew: saved masks are layers and outlines then", null, () => location.reload())] : []),
       ...(this.command ? [element("details", {}, element("summary", {}, "Saved. Score against it"), element("code", {}, this.command))] : []));
+  }
+
+  /** Whether a mask was saved since the page was opened, of which it has no layer. */
+  private hasNew(): boolean {
+    const { layers } = this.state.description;
+    return Object.entries(this.saved?.masks ?? {}).some(([side, names]) => names.some((name) => !layers.some((layer) => layer.key === `drawn.${side}.${name}`)));
+  }
+
+  private async judge(name: string): Promise<void> {
+    try {
+      const { scores, command } = await this.source.scoreMask(this.state.painting.side, name);
+      const said = Object.entries(scores).map(([side, { jaccard, interval }]) =>
+        `${side} ${jaccard === null ? "–" : jaccard.toFixed(3)}${interval ? ` (${interval.map((end) => end.toFixed(2)).join("–")})` : ""}`);
+      this.score = `Jaccard index against ${name}: ${said.join(", ")}`;
+      this.command = command;
+      this.message = "";
+    } catch (error) {
+      this.message = error instanceof Error ? error.message : String(error);
+    }
+    this.draw();
   }
 
   /** The next session that has no mask. */

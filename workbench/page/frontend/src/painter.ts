@@ -34,7 +34,7 @@ export class Painter {
   /** The pointer was let go; `moved`: it was drawn by hand, not clicked. */
   release(moved: boolean): void {
     const { painting } = this.state;
-    if (painting.tool === "brush" || moved) this.close();
+    if (painting.tool !== "outline" || moved) this.close();
   }
 
   /** Close the outline, or end the stroke. */

@@ -4,7 +4,8 @@ import type { PlacementPart } from "./description";
 import { toOwn } from "./placement";
 import type { Place } from "./wall";
 
-export type Tool = "brush" | "outline";
+/** The last fills a hole by a click, or takes a cell away. */
+export type Tool = "brush" | "outline" | "cell";
 
 /** As the server takes it: points are θ in rad, running on over the seam, and z in mm, in the frame of the side. */
 export interface Shape {
@@ -62,8 +63,9 @@ export class Painting {
       points.push([own.theta_rad + TURN * Math.round((before - own.theta_rad) / TURN), own.z_mm]);
     }
     this.stroke = [];
+    if (this.tool === "cell") points.splice(0, points.length - 1);
     if (!points.length || (this.tool === "outline" && points.length < 3)) return;
-    this.change([...this.shapes, { points, adds: this.adds, radius_mm: this.tool === "brush" ? this.radius_mm : null }]);
+    this.change([...this.shapes, { points, adds: this.adds, radius_mm: this.tool === "brush" ? this.radius_mm : this.tool === "cell" ? 0 : null }]);
   }
 
   get drawing(): Drawing {
@@ -98,6 +100,13 @@ export class Painting {
     if (next === undefined) return;
     this.past.push(this.shapes);
     this.shapes = next;
+  }
+
+  /** Go on with what was drawn before the page was left. */
+  resume({ side, ground, shapes }: Drawing): void {
+    this.begin(side, ground);
+    this.change(shapes);
+    this.active = true;
   }
 
   /** What was sent is saved; what was drawn since is not. */

@@ -35,6 +35,21 @@ export interface Reading {
   said: string;
 }
 
+/** What `endoct export` can write of the result: `refused` says why not; `choices` null: a number. */
+export interface ExportFormat {
+  name: string;
+  suffix: string;
+  opens: string;
+  refused: string;
+  is_folder: boolean;
+  options: { name: string; about: string; choices: string[] | null }[];
+}
+
+export interface Exported {
+  format: string;
+  options: Record<string, string>;
+}
+
 export interface Source {
   description: Description;
   /** The finest level of tiles of a layer that there is here. */
@@ -64,13 +79,20 @@ export interface Source {
   outlineDrawing(drawing: Drawing): Promise<{ lines: number[][] }>;
   /** Save a drawing, and return the command line that scores against it. */
   saveMask(drawing: Drawing & { rater: string; session: string }): Promise<{ command: string }>;
+  /** How well each side agrees with a mask that was saved. */
+  scoreMask(side: string, mask: string): Promise<{ scores: Record<string, { jaccard: number | null; interval: [number, number] | null }>; command: string }>;
+  /** What can be exported, and the folder in which it may stay, "" for none. */
+  exports(): Promise<{ formats: ExportFormat[]; beside: string }>;
+  exportLine(asked: Exported): Promise<{ command: string }>;
+  exportFile(asked: Exported): Promise<{ file: Blob; name: string }>;
+  saveExport(asked: Exported): Promise<{ saved: string }>;
   /** Call `told` once what the page shows was replaced or deleted, with a text that says so. */
   onGone(told: (text: string) => void): void;
   /** Find out whether what the page shows is still there. */
   checkPresent(): void;
 }
 
-const NOT_SERVED = "masks are drawn where the page is served (endoct serve)";
+const NOT_SERVED = "masks are drawn, and files exported, where the page is served (endoct serve)";
 
 interface Frozen {
   description: Description;
@@ -177,6 +199,16 @@ async function servedSource(): Promise<Source> {
     masks: async () => answered<SavedMasks>(await asker.ask("masks.json")),
     outlineDrawing: async (drawing) => answered(await asker.send("drawing.json", drawing)),
     saveMask: async (drawing) => answered(await asker.send("masks.json", drawing)),
+    scoreMask: async (side, mask) => answered(await asker.send("score.json", { side, mask })),
+    exports: async () => answered(await asker.ask("exports.json")),
+    exportLine: async (asked) => answered(await asker.send("export-line.json", asked)),
+    exportFile: async (asked) => {
+      const found = await asker.send("export", asked);
+      if (!found.ok) throw new Error(await found.text());
+      const [, name = ""] = /filename\*=utf-8''(.+)$|filename="(.+)"/.exec(found.headers.get("content-disposition") ?? "")?.filter(Boolean) ?? [];
+      return { file: await found.blob(), name: decodeURIComponent(name) };
+    },
+    saveExport: async (asked) => answered(await asker.send("export.json", asked)),
     onGone: (told) => asker.onGone(told),
     checkPresent: () => void asker.ask("present").catch(() => null),
   };
@@ -257,6 +289,11 @@ function frozenSource(frozen: Frozen): Source {
     masks: () => Promise.reject(new Error(NOT_SERVED)),
     outlineDrawing: () => Promise.reject(new Error(NOT_SERVED)),
     saveMask: () => Promise.reject(new Error(NOT_SERVED)),
+    scoreMask: () => Promise.reject(new Error(NOT_SERVED)),
+    exports: () => Promise.reject(new Error(NOT_SERVED)),
+    exportLine: () => Promise.reject(new Error(NOT_SERVED)),
+    exportFile: () => Promise.reject(new Error(NOT_SERVED)),
+    saveExport: () => Promise.reject(new Error(NOT_SERVED)),
     onGone: () => undefined,
     checkPresent: () => undefined,
   };

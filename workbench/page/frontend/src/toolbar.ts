@@ -7,6 +7,8 @@ export interface Actions {
   addPane(): void;
   home(): void;
   save(): void;
+  /** Write a file for another program; null where nobody can. */
+  export: (() => void) | null;
   /** Begin or end drawing a mask; null where none can be saved. */
   draw: (() => void) | null;
 }
@@ -85,6 +87,7 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
         state.tell("panes");
       }),
       button("save view", "save what the panes show as PNG, SVG or PDF", null, actions.save),
+      ...(actions.export ? [button("export…", "files for napari, Fiji, 3D Slicer, ParaView; the figures as PDF and SVG", null, actions.export)] : []),
       keys,
     );
   };

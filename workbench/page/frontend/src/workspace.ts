@@ -6,6 +6,7 @@ import { CylinderView } from "./cylinder_view";
 import { Filters } from "./colouring";
 import type { CellPart, Description } from "./description";
 import { element } from "./dom";
+import { askToExport } from "./export_dialog";
 import { LandmarkPanel } from "./landmark_panel";
 import type { Pair } from "./landmarks";
 import { Link } from "./link";
@@ -66,7 +67,7 @@ export class Workspace {
     this.shared = new SharedView(this.state, () => this.panes[0]?.view());
     this.aim = new Aim(() => this.panes, (pane, view) => (this.state.linked ? this.link.show(view) : pane.setView(view)));
     const draw = source.canSave && description.sides.length > 1 ? (): void => this.painter.toggle() : null;
-    const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save(), draw };
+    const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save(), export: source.canSave ? (): void => void askToExport(source) : null, draw };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     side.append(this.landmarks.element);
     if (source.canSave && description.sides.length > 1) side.append(new MaskPanel(this.state, source).element);
@@ -259,6 +260,7 @@ export class Workspace {
 
   private key(event: KeyboardEvent): void {
     const target = event.target;
+    if (document.querySelector("dialog[open]")) return; // also where its focus is lost, as by a button that is disabled
     if (this.painter.key(event) || this.placer.key(event)) return;
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     if (target instanceof HTMLInputElement || target instanceof HTMLSelectElement) return;

@@ -1,0 +1,161 @@
+"""The supplement of a study: many comparisons as a page that opens offline, with tables, plots and how it was made."""
+
+import shlex
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from endoct.base.files.contents import marked
+from endoct.base.files.files import path_text, sha256_of
+from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline, read_outline
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.scoring.cells import areas_mm2
+from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED
+from endoct.workbench.page.collection import LEVELS
+from endoct.workbench.page.heading import Heading, Score, printed_page
+from endoct.workbench.page.notes import read_note
+from endoct.workbench.pipeline.summarising import FIRST, SECOND, Compared, Row, read_set
+from endoct.workbench.report.figures.cohort import Cohort, draw_cohort
+from endoct.workbench.report.html_templates import rendered_blocks
+from endoct.workbench.report.sections import MADE, in_order, numbered
+from endoct.workbench.report.verdict import Verdict, verdict_of
+from endoct.workbench.report.wording import NOTHING, interval_text, share_text
+from endoct.workbench.requests import SummariseRequest
+from endoct.workbench.running.outputs import versions
+
+PAGE = "report.html"
+TITLES = {
+    "results": "Every comparison",
+    "scores": "Scores",
+    "agreement": "How the two sides agree",
+    "repeatability": "Repeatability",
+    "raters": "Raters",
+    "provenance": MADE,
+}
+PAIRED = "score", "pairs", "median_difference", "", "second_higher", "second_lower"
+REPEATS = "score", "specimens", "comparisons", "within_sd", "repeatability", "icc"
+REMARK = "The figures lie next to this page, as PNG and as SVG, in figures/."
+
+
+def write_supplement(tables: Mapping[str, Sequence[Row]], request: SummariseRequest, folder: Path) -> None:
+    """Write ``figures/`` and ``report.html`` on the comparisons of a request, of which the first set is drawn.
+
+    ``tables`` are those of their summary. Raises :class:`EndoctError` where a comparison cannot be read.
+    """
+    first, second = (
+        read_set([*map(Path, folders)], name, repeats=request.repeats)
+        for folders, name in ((request.folders, FIRST), (request.against, SECOND))
+    )
+    compared = [*first, *second]
+    (folder / "figures").mkdir()
+    drawn = draw_cohort(_cohort(first), folder / "figures")
+    for each in drawn:
+        (folder / "figures" / each.rendered.file).write_bytes(each.rendered.png)
+    texts = rendered_blocks(
+        "report/summary.html",
+        results=[_result_row(each) for each in compared],
+        summary=[_summary_row(row) for row in tables["summary"]],
+        paired=[_row(row, *PAIRED) for row in tables["paired"]],
+        repeats=[_row(row, *REPEATS) for row in tables["repeatability"]],
+        how=f"Intervals hold {LEVEL * 100:.0f} %: {RESAMPLES} resamples over specimens, from the seed {SEED}.",
+        line=_command(request),
+        inputs=[_input_row(each) for each in compared],
+    )
+    page = printed_page(
+        _heading(tables, first, Path(request.output or "").name), in_order(TITLES, numbered(drawn), texts), REMARK
+    )
+    (folder / PAGE).write_text(marked(page), encoding="utf-8")
+
+
+def _command(request: SummariseRequest) -> str:
+    against = ["--against", *request.against] if request.against else []
+    repeats = ["--repeats"] if request.repeats else []
+    return shlex.join(map(str, ["endoct", "summarise", *request.folders, *against, *repeats, "-o", request.output]))
+
+
+def _cohort(compared: Sequence[Compared]) -> Cohort:
+    """Return what is drawn of comparisons: of the two sides that most of them have."""
+    names = Counter(each.result.sides for each in compared if each.result.aligned).most_common(1)
+    sides = names[0][0] if names else compared[0].result.sides
+    alike = [each for each in compared if each.result.sides == sides and each.result.aligned]
+    cells = [areas_mm2(*sides, outline.cells) for each in alike if (outline := _outline(each.folder)) is not None]
+    by_specimen: dict[str, list[float]] = {}
+    for each in alike:
+        if each.result.jaccard is not None:
+            by_specimen.setdefault(each.specimen, []).append(each.result.jaccard)
+    return Cohort(
+        sides,
+        [each.result for each in alike],
+        np.concatenate(cells) if cells else np.empty((0, 2)),
+        {name: values for name, values in by_specimen.items() if len(values) > 1},
+    )
+
+
+def _outline(folder: Path) -> ComparisonOutline | None:
+    """Return the cells of a comparison; None where only its result is left."""
+    return read_outline(folder / COMPARISON_STORE) if (folder / COMPARISON_STORE).is_dir() else None
+
+
+def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], title: str) -> Heading:
+    levels = Counter(verdict_of(each.result).level for each in compared)
+    said = ", ".join(f"{levels[level]} {word}" for level, word in LEVELS.items() if levels[level])
+    worst = next(level for level in reversed(LEVELS) if levels[level])
+    of_first = {row["score"]: row for row in tables["summary"] if row["set"] == FIRST}
+    scores = [
+        Score(f"{words}, median of {row['specimens']}", _number(row["value"]), _interval(row))
+        for name, words in (("jaccard", "Jaccard index"), ("dice", "Dice index"))
+        if (row := of_first.get(name)) is not None
+    ]
+    return Heading(
+        title=f"{title}: {len(compared)} comparisons",
+        facts=(("sides", ", ".join(sorted({" and ".join(each.result.sides) for each in compared}))),),
+        verdict=Verdict(worst, f"Of {len(compared)} comparisons: {said}."),
+        doubts=(),
+        scores=tuple(scores),
+        notes=0,
+        endoct=versions()["endoct"],
+    )
+
+
+def _result_row(each: Compared) -> list[str]:
+    result = each.result
+    interval = result.overlap.jaccard_interval if result.overlap else None
+    return [
+        path_text("/".join(each.folder.parts[-2:])),
+        LEVELS[verdict_of(result).level],
+        share_text(result.jaccard if result.aligned else None),
+        interval_text(interval).removeprefix("95 % interval ") or NOTHING,
+        share_text(result.dice if result.aligned else None),
+        ", ".join(sorted({doubt.code for doubt in result.doubts})),
+        read_note(each.folder),
+    ]
+
+
+def _summary_row(row: Row) -> list[str]:
+    quartiles = f"{_number(row['quartile_1'])} to {_number(row['quartile_3'])}"
+    return [*_row(row, "score", "set", "specimens", "value"), _interval(row), quartiles]
+
+
+def _row(row: Row, *columns: str) -> list[str]:
+    """Return columns of a row as texts; of "" the interval."""
+    return [_number(row[column]) if column else _interval(row) for column in columns]
+
+
+def _interval(row: Row) -> str:
+    return NOTHING if row["low"] is None else f"{_number(row['low'])} to {_number(row['high'])}"
+
+
+def _number(value: str | float | None) -> str:
+    if value is None or isinstance(value, str):
+        return value or NOTHING
+    return f"{value:.3g}".replace("-", "−")
+
+
+def _input_row(each: Compared) -> list[str]:
+    stated = each.result.parameters.get("compare") or {}
+    usual = CompareParameters().model_dump(mode="json")
+    changed = [f"{name} = {value}" for name, value in stated.items() if name in usual and value != usual[name]]
+    digest = sha256_of(each.folder / "result.json")
+    return [path_text(each.folder), each.result.versions.get("endoct", NOTHING), ", ".join(changed) or NOTHING, digest]
