@@ -1,7 +1,7 @@
 /** The results of a study: sorted, filtered, grouped, noted on, and summarised. */
 
 import { message, post, type Result } from "./desk_server";
-import { button, element, select } from "./dom";
+import { button, element, pathText, select } from "./dom";
 import { explain } from "./explain";
 import { compareKeys, says, turn } from "./table_order";
 
@@ -93,7 +93,7 @@ export class ResultsTable {
     const link = entry.kind === "summary" ? { href: entry.address, target: "_blank" } : { href: entry.address };
     return element("tr", { "data-name": entry.name },
       element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
-      element("td", {}, entry.address ? element("a", link, entry.name) : entry.name, " ", element("small", {}, `${entry.kind === "summary" ? "summary " : ""}${entry.about}`)),
+      element("td", {}, entry.address ? element("a", link, ...pathText(entry.name)) : element("span", {}, ...pathText(entry.name)), " ", element("small", {}, `${entry.kind === "summary" ? "summary " : ""}${entry.about}`)),
       element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
         : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, levelOf(entry)), element("small", {}, ` ${entry.headline}`)), ...this.steps(entry)),
       element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),

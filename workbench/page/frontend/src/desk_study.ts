@@ -7,7 +7,7 @@ import { QueuePanel } from "./desk_queue";
 import { ResultsTable } from "./desk_results";
 import { ask, message, named, post, type Form, type Found, type Item, type Result, type Unread, type Values } from "./desk_server";
 import { followAddress, stepsOf, type Study } from "./desk_steps";
-import { button, element } from "./dom";
+import { button, element, pathText } from "./dom";
 import { explain } from "./explain";
 
 const LOOK_MS = 600;
@@ -102,7 +102,7 @@ class StudyPage {
     const isRecording = item.kind === "recording";
     const address = named("recording", item.name);
     const picture = isRecording && !item.fault ? [element("img", { src: named("picture.png", item.name), loading: "lazy", alt: "" })] : [];
-    const name = isRecording && !item.fault ? element("a", { href: address }, item.name) : element("span", {}, item.name);
+    const name = isRecording && !item.fault ? element("a", { href: address }, ...pathText(item.name)) : element("span", {}, ...pathText(item.name));
     const doubts = (item.facts["doubts"] as { what: string }[] | undefined) ?? [];
     return element("tr", { "data-name": item.name },
       element("td", {}, ...picture), element("td", {}, name),

@@ -49,6 +49,11 @@ export function context(canvas: HTMLCanvasElement): CanvasRenderingContext2D | n
 }
 
 /** Have the browser save a file. */
+/** A path as text that breaks after its folders, not inside a name. */
+export function pathText(path: string): (string | HTMLElement)[] {
+  return path.split("/").flatMap((part, k, all) => (k < all.length - 1 ? [`${part}/`, element("wbr")] : [part]));
+}
+
 export function download(file: Blob, name: string): void {
   const link = element("a", { download: name });
   link.href = URL.createObjectURL(file);
