@@ -51,7 +51,7 @@ def described(page: Any, name: str, keys: dict[str, str]) -> None:
         if key != "modality":
             control = page.locator(f"#key-{key}")
             if not control.is_visible():
-                page.click("summary")
+                page.click("summary:has-text('more that may be known')")
             if control.evaluate("node => node.tagName") == "SELECT":
                 control.select_option(value)
             else:
@@ -86,7 +86,7 @@ def test_from_two_bare_folders_to_a_verdict_without_a_terminal(chromium: Any, se
         page.wait_for_selector(".queue li.running progress", timeout=LONG_MS)
         page.wait_for_selector(".results tr[data-name='results/bore-1'] .level", timeout=LONG_MS)
         assert page.locator(".results .level").inner_text() in ("trusted", "doubted", "not aligned")
-        page.click(".results a")
+        page.click(".results tbody a")
         page.wait_for_selector(".pane[data-z-mm]", timeout=LONG_MS)
         assert page.locator(".verdict strong").inner_text()
         page.click(".above")

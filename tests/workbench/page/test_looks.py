@@ -101,7 +101,7 @@ def test_the_answer_comes_before_its_numbers_and_doubts_before_both(chromium: An
         assert "confidence" not in verdict.locator("strong").inner_text()
         tops = [page.page.locator(part).first.bounding_box()["y"] for part in (".verdict", ".scores", ".panes")]
         assert tops == sorted(tops)
-        titles = page.page.locator(".scores span").all_inner_texts()
+        titles = page.page.locator(".scores li > span").all_inner_texts()
         assert len(set(titles)) == len(titles)
 
 

@@ -36,7 +36,7 @@ LARGEST_PAGE_BYTES = 15_000_000
 
 
 class _Page(HTMLParser):
-    """Collects what a page loads and what it says."""
+    """Collects what a page loads and what it says, but for what a "?" unfolds."""
 
     def __init__(self, page: Path) -> None:
         super().__init__()
@@ -47,20 +47,25 @@ class _Page(HTMLParser):
         self.said: list[str] = []
         self.inline: list[str] = []
         self.ids: list[str] = []
+        self.is_explaining = False
         self.feed(self.source)
         self.text = re.sub(r"\s+", " ", " ".join(self.said))
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append(tag)
         values = dict(attrs)
+        self.is_explaining |= tag == "details" and values.get("class") == "explain"
         self.ids += [value for key, value in attrs if key == "id" and value]
         if tag == "img":
             self.images.append(values["src"] or "")
         self.inline += [key for key, _ in attrs if key == "style" or key.startswith("on")]
         self.links += [value for key, value in attrs if key in ("href", "src", "srcset", "data") and value]
 
+    def handle_endtag(self, tag: str) -> None:
+        self.is_explaining &= tag != "details"
+
     def handle_data(self, data: str) -> None:
-        if self.tags[-1:] not in (["style"], ["script"]):
+        if not self.is_explaining and self.tags[-1:] not in (["style"], ["script"]):
             self.said.append(data)
 
 
@@ -122,8 +127,10 @@ def test_an_unaligned_comparison_says_so_and_shows_no_score(unaligned: Made) -> 
     folder, _, page = unaligned
     assert "Not aligned: the two sides could not be brought onto each other." in headline(page)
     assert "The best place is only 1.1 times as good as the runner-up. Without an alignment" in headline(page)
-    assert "Jaccard" not in page.text
-    assert "Dice" not in page.text
+    stated, _, _ = page.text.rpartition(" Words ")  # which explains all of them
+    assert stated
+    assert "Jaccard" not in stated
+    assert "Dice" not in stated
     shown = {path.stem for path in (folder / "figures").iterdir()}
     assert shown >= {"panoramas", "masks", "depth-oct", "frames-oct", "frames-endoscope", "cylinder-oct", "quality-oct"}
     assert "alignment" not in shown
@@ -280,8 +287,9 @@ def test_the_page_may_load_nothing_and_run_its_own_programs_only(aligned: Made) 
         "form-action 'none'",
     ]
     assert page.source.index("Content-Security-Policy") < page.source.index("<title>")
-    assert page.tags.count("script") == 3  # the programs, and their data, which no browser runs
+    assert page.tags.count("script") == 4  # the programs, and their data, which no browser runs
     assert page.source.count('<script type="application/json" id="frozen">') == 1
+    assert page.source.count('<script type="application/json" id="glossary">') == 1
     assert not page.inline
 
 
@@ -324,7 +332,7 @@ def test_no_text_of_a_file_leaves_its_place(make: Callable[..., Made]) -> None:
         raters=raters_called(hostile),
     )
     assert {"iframe", "object", "base"}.isdisjoint(page.tags)
-    assert (page.tags.count("script"), page.tags.count("link")) == (3, 1)
+    assert (page.tags.count("script"), page.tags.count("link")) == (4, 1)
     assert all(image.startswith(("data:image/png;base64,", "data:image/jpeg;base64,")) for image in page.images)
     assert not page.inline
     assert page.text.count("<script>alert(1)</script>") >= 11

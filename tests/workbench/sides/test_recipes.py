@@ -29,7 +29,7 @@ def test_the_papers_recipe_is_the_settings_it_stands_for(short: Path) -> None:
     by_word = compare(*sides, recipe="paper", settings=QUICKLY, settings_a=flat, progress=False)
     by_settings = compare(*sides, settings=OF_COMPARISON | QUICKLY, settings_a=flat, settings_b=OF_OCT, progress=False)
     one, other = (each.result.to_json() for each in (by_word, by_settings))
-    assert {**one, "seconds": {}} == {**other, "seconds": {}}
+    assert {**one, "seconds": {}, "asked": {}} == {**other, "seconds": {}, "asked": {}}
     for side, same in zip(by_word.sides, by_settings.sides, strict=True):
         for name in ("mask", "valid", "intensity", "depth_mm"):
             assert np.array_equal(getattr(side, name), getattr(same, name), equal_nan=True)
