@@ -162,14 +162,16 @@ def check_intact(folder: Path, which: Callable[[str], bool] = lambda _: True) ->
         raise EndoctError(f"{folder} is not as endoct wrote it", found=found, remedy="make it again")
 
 
-def marked(page: str) -> str:
-    """Return an HTML page with a last line that holds the digest of all before."""
-    page = page.rstrip("\n") + "\n"
-    return f"{page}<!-- {FORMAT} sha256 {hashlib.sha256(page.encode()).hexdigest()} -->\n"
+def write_marked(page: str, path: Path) -> None:
+    """Write an HTML page with a last line that holds the digest of all before."""
+    data = page.rstrip("\n").encode() + b"\n"
+    with path.open("wb") as file:
+        file.write(data)
+        file.write(f"<!-- {FORMAT} sha256 {hashlib.sha256(data).hexdigest()} -->\n".encode())
 
 
 def is_marked(path: Path) -> bool:
-    """Say whether a file is a page that :func:`marked` made, unaltered."""
+    """Say whether a file is a page that :func:`write_marked` made, unaltered."""
     if path.suffix != ".html" or not _is_plain(path):
         return False
     data = path.read_bytes()

@@ -17,7 +17,7 @@ from PIL import Image as Pillow
 
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
-from endoct.base.files.contents import is_marked, marked, read_contents, whole_of
+from endoct.base.files.contents import is_marked, read_contents, whole_of, write_marked
 from endoct.base.files.output import check_output, new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
@@ -125,7 +125,7 @@ def _write(folder: Path, shown: Shown, drawn: Sequence[Drawn], sections: Sequenc
     with new_output(folder / "figures", FIGURES, overwrite=True) as figures:
         write_figures(drawn, figures)
     with new_output(page, REPORT, overwrite=True, is_ours=is_marked) as scratch:
-        scratch.write_text(marked(frozen_page(shown, sections, data, REMARK)), encoding="utf-8")
+        write_marked(frozen_page(shown, sections, data, REMARK), scratch)
     return page
 
 

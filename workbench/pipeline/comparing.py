@@ -146,6 +146,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         "doubts": (*doubts_of_bounds(bounds, asked=by is not None), *found),
     }
     comparison = replace(comparison, result=comparison.result.model_copy(update=joint), wall=wall)
+    del joined, placed  # a report needs much memory itself
     comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)

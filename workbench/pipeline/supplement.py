@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.base.files.contents import marked
+from endoct.base.files.contents import write_marked
 from endoct.base.files.files import path_text, sha256_of
 from endoct.fusion.files.store import COMPARISON_STORE, ComparisonOutline, read_outline
 from endoct.fusion.parameters import CompareParameters
@@ -66,7 +66,7 @@ def write_supplement(tables: Mapping[str, Sequence[Row]], request: SummariseRequ
     page = printed_page(
         _heading(tables, first, Path(request.output or "").name), in_order(TITLES, numbered(drawn), texts), REMARK
     )
-    (folder / PAGE).write_text(marked(page), encoding="utf-8")
+    write_marked(page, folder / PAGE)
 
 
 def _command(request: SummariseRequest) -> str:

@@ -5,7 +5,6 @@ from itertools import count
 
 from markupsafe import Markup
 
-from endoct.base.files.contents import marked
 from endoct.fusion.pose.outlook import Tried
 from endoct.fusion.pose.pose import Difference, Estimate, Offset, offset_at
 from endoct.fusion.pose.summary import PoseSummary
@@ -34,13 +33,13 @@ LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "u
 def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
     """Return the page of a pose as HTML."""
     sections = _sections(result, numbered(drawn))
-    return marked(printed_page(_heading(result, title), sections, REMARK))
+    return printed_page(_heading(result, title), sections, REMARK)
 
 
 def outlook_page(result: OutlookResult, title: str, drawn: Sequence[Drawn]) -> str:
     """Return the page of an outlook as HTML: the wall that the CT predicts along the plan, and how rehearsals went."""
     sections = _outlook_sections(result, numbered(drawn))
-    return marked(printed_page(_outlook_heading(result, title), sections, REMARK))
+    return printed_page(_outlook_heading(result, title), sections, REMARK)
 
 
 def _heading(result: PoseResult, title: str) -> Heading:

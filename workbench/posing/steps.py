@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from endoct.base.files.contents import write_marked
 from endoct.base.files.files import check_unchanged, digests, state_of
 from endoct.fusion.pose import outlook
 from endoct.fusion.pose.air import AirAround, air_around
@@ -111,7 +112,7 @@ def write_folder(result: PoseResult, planned: Planned, sides: Spread[SideInAir],
     with stages.stage("report"):
         drawn = [draw_cut(planned.ct, planned.labels, pose, result.told), *walls]
         write_figures(drawn, folder / "figures")
-        (folder / "report.html").write_text(pose_page(result, folder.name, drawn), encoding="utf-8")
+        write_marked(pose_page(result, folder.name, drawn), folder / "report.html")
 
 
 @one_thread()
@@ -163,7 +164,7 @@ def rehearse(
         with stages.stage("report"):
             drawn = [draw_wall_of_plan(wall, radius_mm)]
             write_figures(drawn, folder / "figures")
-            (folder / "report.html").write_text(outlook_page(result, folder.name, drawn), encoding="utf-8")
+            write_marked(outlook_page(result, folder.name, drawn), folder / "report.html")
     return result
 
 

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.contents import NAME, check_intact, differences, marked, read_contents
+from endoct.base.files.contents import NAME, check_intact, differences, read_contents, write_marked
 from endoct.base.files.output import check_output, new_output, remove_output
 from endoct.base.files.scratch import TemporaryFolder
 
@@ -385,7 +385,7 @@ def test_what_an_output_holds_is_checked(tmp_path: Path) -> None:
         scratch.mkdir()
         (scratch / "file").write_text("whole")
         write(scratch / "figures", "drawn")
-        (scratch / "report.html").write_text(marked("<p>page"))
+        write_marked("<p>page", scratch / "report.html")
     check_intact(tmp_path / "out")
     contents = read_contents(tmp_path / "out")
     assert contents is not None
@@ -394,7 +394,9 @@ def test_what_an_output_holds_is_checked(tmp_path: Path) -> None:
     write(tmp_path / "out" / "figures", "drawn anew", overwrite=True)  # a part may be written again
     check_intact(tmp_path / "out")
     (tmp_path / "out" / "figures" / "inside" / "file").write_text("forged")
-    (tmp_path / "out" / "report.html").write_text(marked("<p>page").replace("page", "forgery"))
+    written = tmp_path / "out" / "report.html"
+    write_marked("<p>page", written)
+    written.write_text(written.read_text().replace("page", "forgery"))
     (tmp_path / "out" / "file").unlink()
     (tmp_path / "out" / "more").write_text("")
     found = differences(tmp_path / "out", contents)
@@ -484,7 +486,7 @@ def test_what_was_added_to_a_replaced_output_outlives_a_kill(tmp_path: Path) -> 
 
 
 def test_a_page_is_replaced_by_nothing_but_a_page(tmp_path: Path) -> None:
-    (tmp_path / "report.html").write_text(marked("<p>page"))
+    write_marked("<p>page", tmp_path / "report.html")
     with pytest.raises(EndoctError, match="was not written by endoct"):
         write(tmp_path / "report.html", "new", overwrite=True)
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from endoct.base.errors import visible
-from endoct.base.files.contents import is_marked, marked
+from endoct.base.files.contents import is_marked, write_marked
 from endoct.base.files.output import new_output
 from endoct.workbench.bench.published.definition import Generator, load_definition
 from endoct.workbench.bench.published.standings import Entrant, Loss, Standing, TaskBoard, read_boards
@@ -40,7 +40,7 @@ def write_board(
         boards=[_section(board) for board in boards],
     )
     with new_output(output, BOARD, overwrite=overwrite, is_ours=is_marked) as scratch:
-        scratch.write_text(marked(str(page)), encoding="utf-8")
+        write_marked(page, scratch)
     return boards
 
 
