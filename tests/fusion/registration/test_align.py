@@ -22,6 +22,7 @@ from endoct.fusion.registration.align import (
     RoughAlignment,
     align,
     align_sides,
+    find_place,
     open_orientations,
 )
 from endoct.fusion.registration.instruments import corrected_for_instruments
@@ -165,6 +166,7 @@ def test_cells_that_are_lit_as_often_as_dark_are_aligned_by_their_rims() -> None
     assert isinstance(found, Alignment)
     assert abs(found.correlation) < 0.3
     assert found.bend is None
+    assert find_place(lit(pair, 1), prepare(pair.b), ALL_ORIENTATIONS, (0.95, 1.05)).by == "rims"
     other = make_pair(5, rows=45, other_bore=True)
     assert isinstance(align(lit(other, 1), prepare(other.b)), NotAligned)
 
