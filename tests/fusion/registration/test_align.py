@@ -254,6 +254,10 @@ def test_cells_as_an_eye_sees_them_need_no_correction_for_a_slant() -> None:
     deep = replace(
         relief, values=np.where(np.arange(32) < 9, np.float32(0.2), np.float32(0)) * np.ones((21, 1), np.float32)
     )
-    assert corrected_for_instruments(exact, seen, deep).z_shift_mm == 0.1
+    by_eye = corrected_for_instruments(exact, seen, deep)
     moved = corrected_for_instruments(exact, replace(seen, kind="darkness"), deep)
+    assert by_eye.z_shift_mm == 0.1
     assert moved.z_shift_mm == pytest.approx(0.1 + 0.5 * 0.5 * 0.15)
+    # all else that is left of cells is the same, and nothing for a slant that nobody knows
+    of_eye, of_darkness = (np.array(each.covariance)[1, 1] for each in (by_eye, moved))
+    assert of_eye - 0.005**2 == pytest.approx(of_darkness - 0.009**2, rel=1e-6)

@@ -79,7 +79,7 @@ def test_waves_are_held_by_what_errs_as_one_whatever_the_blur(pair: Any, monkeyp
     assert ours == pytest.approx(4 * held(0.03), rel=1e-6)
 
 
-def test_the_scale_is_expected_in_the_middle_of_its_range(pair: Any) -> None:
+def test_the_scale_is_expected_in_the_middle_of_its_range(pair: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its standard deviation there is that of any value as likely as any other: the width over √12."""
     a, b = sides(pair)
     of = equations.level(a, b, 1, 0.03)
@@ -88,6 +88,9 @@ def test_the_scale_is_expected_in_the_middle_of_its_range(pair: Any) -> None:
     assert narrow is not None
     assert wide is not None
     unit = (narrow.normal[2, 2] - wide.normal[2, 2]) / (12 / 0.2**2 - 12 / 0.4**2)
-    assert unit > 0
+    monkeypatch.setattr(equations, "BEND_RAD", 1e9)
+    free = equations.equations(of, off, (0.9, 1.1))
+    assert free is not None
+    assert unit == pytest.approx((narrow.normal[5, 5] - free.normal[5, 5]) * 0.02**2, rel=1e-6)
     pulled = (narrow.slope[2] - wide.slope[2]) / unit
     assert pulled == pytest.approx(12 / 0.2**2 * (1.0 - 1.02) - 12 / 0.4**2 * (0.8 - 1.02), rel=1e-6)
