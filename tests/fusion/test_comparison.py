@@ -386,6 +386,8 @@ def test_cells_that_an_eye_saw_align_the_sides(pair: Pair, monkeypatch: pytest.M
     assert placed.outcome.alignment.z_error_mm(middle_mm) < plain.outcome.alignment.z_error_mm(middle_mm)
     own = evidence_of(placed.both[1], placed.cells[1])
     assert own is placed.both[1].evidence
+    by_light = replace(placed.cells[1], probability=np.ones_like(own.values))
+    assert evidence_of(placed.both[1], by_light) is own  # what measures depth is aligned by it
     of_a = evidence_of(placed.both[0], placed.cells[0])
     assert of_a.kind == "probability"
     assert of_a.knows_cells
