@@ -119,6 +119,8 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
     z_scale_range = parameters.z_scale_min, parameters.z_scale_max
     there = a.in_reference, b.in_reference
     rough = find_sides(*there, z_scale_range=z_scale_range)
+    name = parameters.alignment_method
+    by_method = None if name == OURS else align_by_method(*there, name).scaled(a.scale)
 
     def laid(by_eye: tuple[Evidence, Evidence] | None) -> tuple[SearchOutcome, ByHand | None, tuple[Doubt, ...]]:
         outcome = align_sides(
@@ -127,8 +129,8 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         if parameters.correct_twist and outcome.alignment:
             outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
         doubts: tuple[Doubt, ...] = ()
-        if (name := parameters.alignment_method) != OURS:
-            ours, outcome = outcome, align_by_method(*there, name).scaled(a.scale)
+        if by_method is not None:
+            ours, outcome = outcome, by_method
             doubts = tuple(doubts_by_method(outcome.alignment, ours.alignment, name, a, b) if outcome.alignment else ())
         if not pairs:
             return outcome, None, doubts
@@ -137,7 +139,7 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         return judged.outcome, judged.said, doubts
 
     # whether cells are dark or bright shows where the two roughly lie, unless somebody else says where that is
-    alone = not pairs and parameters.alignment_method == OURS
+    alone = not pairs and by_method is None
     roughly = (rough.place or (rough.best if parameters.force else None)) if alone else laid(None)[0].alignment
     cells = segment_sides(a, b, roughly, parameters, parameters.polarity)
     outcome, by_hand, doubts = laid((evidence_of(a, cells[0]), evidence_of(b, cells[1])))
