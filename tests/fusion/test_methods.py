@@ -105,3 +105,15 @@ def test_methods_of_the_bench_can_be_chosen(pair: Pair) -> None:
     lost = compare_panoramas(pair.a, pair.b, COARSE.model_copy(update={"alignment_method": "phase-correlation"}))
     doubt = next(d for d in lost.result.doubts if d.code == "aligned-by-method")  # it knows no scale and no circle
     assert lost.alignment is None or "away" in doubt.what or "other way around" in doubt.what
+
+
+def test_a_method_that_aligns_is_asked_once(pair: Pair, register: Register) -> None:
+    asked = []
+
+    def theirs(a: Panorama, b: Panorama) -> Alignment:
+        asked.append((a, b))
+        return pair.truth
+
+    compared = compare_panoramas(pair.a, pair.b, register("alignment", theirs))
+    assert compared.alignment is not None
+    assert len(asked) == 1

@@ -7,12 +7,14 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
-from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from markupsafe import Markup, escape
 
 from endoct.workbench.report.html_templates import WORKBENCH, rendered
+
+if TYPE_CHECKING:  # only who reads a page of the manuals loads it
+    from markdown_it.token import Token
 
 FOLDERS = ("", "tutorials", "how-to", "explanation", "results", "reference")
 GLOSSARY, DOUBTS = "reference/glossary.md", "reference/result.md"
@@ -62,6 +64,8 @@ def manual_page(name: str) -> Markup | None:
 
 
 def _html(name: str) -> Markup:
+    from markdown_it import MarkdownIt
+
     text = _ADMONITION.sub(
         lambda found: f"> **{found[2] or found[1].capitalize()}.** {found[3].strip()}\n\n", _text(name)
     )
@@ -74,7 +78,7 @@ def _html(name: str) -> Markup:
     return Markup(reader.renderer.render(tokens, reader.options, {}).replace("&amp;#124;", "|"))
 
 
-def _anchor(heading: Token) -> str:
+def _anchor(heading: "Token") -> str:
     """Return the anchor of a heading, as links in the manuals have it."""
     text = re.sub(r"[^\w\s-]", "", _LINK.sub(r"\1", heading.content)).strip().lower()
     return re.sub(r"[\s-]+", "-", text)
