@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import EntryPoint, EntryPoints
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,12 @@ from bore_pairs import Pair
 
 from endoct.base import entry_points
 from endoct.base.errors import EndoctError
+from endoct.fusion import comparison
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.registration.align import RoughAlignment
+from endoct.fusion.segmentation.side_cells import segment_sides
 from endoct.stitching.panorama import Panorama
 
 COARSE = CompareParameters(n_theta=512)
@@ -117,3 +122,22 @@ def test_a_method_that_aligns_is_asked_once(pair: Pair, register: Register) -> N
     compared = compare_panoramas(pair.a, pair.b, register("alignment", theirs))
     assert compared.alignment is not None
     assert len(asked) == 1
+
+
+def test_whether_cells_are_dark_is_told_by_the_place_that_counts(
+    pair: Pair, register: Register, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = replace(pair.truth, z_shift_mm=pair.truth.z_shift_mm + 0.1, correlation=-0.5)
+    told_by = []
+
+    def segmented(a: Side, b: Side, alignment: Alignment | None, *rest: Any) -> Any:
+        told_by.append(alignment)
+        return segment_sides(a, b, alignment, *rest)
+
+    monkeypatch.setattr(comparison, "segment_sides", segmented)
+    monkeypatch.setattr(comparison, "find_sides", lambda *_, **__: RoughAlignment(None, best))
+    theirs = register("alignment", lambda *_: pair.truth)
+    for parameters in (COARSE, COARSE.model_copy(update={"force": True}), theirs):
+        compare_panoramas(pair.a, pair.b, parameters)
+    assert told_by[:2] == [None, best]
+    assert told_by[2].z_shift_mm == pair.truth.z_shift_mm
