@@ -14,6 +14,9 @@ $(shell rm -rf $(VENV))
 endif
 endif
 
+# What commands start again and again is compiled once, whatever the environment says
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo test test-all gate lint types layers site page bench dist wheel-test lowest newest clean
 
 help:

@@ -1,11 +1,12 @@
 """The one wall of both sides: its networks trained, and it held against truth beside either side and plain rivals.
 
     python -m benchmarks.wall make sound:9300:9310 quick:9300:9308 --into PAIRS [--workers 2]
-    python -m benchmarks.wall train --pairs PAIRS [--into fusion/wall/wall.safetensors]
+    python -m benchmarks.wall train cell depth --pairs PAIRS [--into fusion/wall/wall.safetensors]
     python -m benchmarks.wall judge --pairs OTHER_PAIRS
 
 Sets are presets of the simulator and those of the independent generator. ``make`` unrolls both sides of each specimen,
 places them as `endoct compare` does, and keeps what they show with the truth on the common grid: 12 s of one core each.
+``train`` leaves the weights of a network as they are that is not named.
 """
 
 import argparse
@@ -13,7 +14,7 @@ import os
 import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -40,8 +41,10 @@ from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench import simulate, unroll
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
 
-WIDTH, EPOCHS, BATCH, RATE = 32, 20, 2048, 3e-3
-SAMPLES_A_PAIR = 6000
+EPOCHS, BATCH, RATE = 20, 2048, 3e-3
+WIDTHS = {"cell": 32, "depth": 64}
+SAMPLES_A_PAIR, SAMPLES_FAR_FROM_ROWS = 6000, 600
+FAR_MM = 1000.0
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
 REACHED_MM = 0.7
 """Deeper floors often lie beyond what OCT reaches."""
@@ -131,10 +134,10 @@ def kept(folder: Path) -> Iterator[Known]:
         yield pickle.loads(path.read_bytes())
 
 
-def train(folder: Path, into: Path) -> None:
-    """Train both networks on the specimens in ``folder``, and write their weights."""
+def train(networks: Sequence[str], folder: Path, into: Path) -> None:
+    """Train ``networks``, cell and depth, on the specimens in ``folder``, and write their weights beside others."""
     import torch
-    from safetensors.torch import save_file
+    from safetensors.torch import load_file, save_file
     from torch import nn
 
     rng = np.random.default_rng(0)
@@ -145,19 +148,21 @@ def train(folder: Path, into: Path) -> None:
         near, features = cell_features(sides)
         some = rng.choice(features.shape[1], SAMPLES_A_PAIR)
         cells.append((features[:, some], known.cell[near][some].astype(np.float32)[None]))
-        depth_mm = known_depth(sides)
-        told = (sides.cells[0] | sides.cells[1]) & known.cell & np.isfinite(depth_mm)
-        if told.any():
-            of_cells = depth_features(sides, told)
-            some = rng.choice(of_cells.shape[1], SAMPLES_A_PAIR)
-            depths.append((of_cells[:, some], (known.relief_mm - depth_mm)[told][some][None]))
+        for shown, n in ((sides, SAMPLES_A_PAIR), (_far_from_rows(sides), SAMPLES_FAR_FROM_ROWS)):
+            depth_mm = known_depth(shown)
+            told = (shown.cells[0] | shown.cells[1]) & known.cell & np.isfinite(depth_mm)
+            if told.any():
+                some = rng.choice(np.flatnonzero(told), n)
+                depths.append((depth_features(shown, told)(some), (known.relief_mm - depth_mm).flat[some][None]))
 
-    def fitted(samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], n_answers: int) -> nn.Sequential:
+    def fitted(
+        samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], width: int, n_answers: int
+    ) -> nn.Sequential:
         torch.manual_seed(0)
         given, wanted = (torch.from_numpy(np.concatenate(part, axis=1).T.copy()) for part in zip(*samples, strict=True))
         middle, spread = given.mean(0), given.std(0) + 1e-6
-        layers = (nn.Linear(given.shape[1], WIDTH), nn.ReLU(), nn.Linear(WIDTH, WIDTH), nn.ReLU())
-        network = nn.Sequential(*layers, nn.Linear(WIDTH, n_answers))
+        layers = (nn.Linear(given.shape[1], width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        network = nn.Sequential(*layers, nn.Linear(width, n_answers))
         scaled = (given - middle) / spread
         optimizer = torch.optim.Adam(network.parameters(), RATE)
         schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
@@ -180,9 +185,18 @@ def train(folder: Path, into: Path) -> None:
             first.bias -= first.weight @ middle
         return network
 
-    weights = {f"cell.{key}": value for key, value in fitted(cells, 1).state_dict().items()}
-    weights |= {f"depth.{key}": value for key, value in fitted(depths, 2).state_dict().items()}
+    weights = load_file(into) if into.exists() else {}
+    for name, (samples, n_answers) in {"cell": (cells, 1), "depth": (depths, 2)}.items():
+        if name in networks:
+            trained = fitted(samples, WIDTHS[name], n_answers)
+            weights |= {f"{name}.{key}": value for key, value in trained.state_dict().items()}
     save_file({key: value.contiguous() for key, value in weights.items()}, into)
+
+
+def _far_from_rows(sides: BothSides) -> BothSides:
+    """Return ``sides`` as if depth had been measured nowhere near."""
+    rows = replace(sides.rows, z_mm=sides.rows.z_mm + FAR_MM)
+    return replace(sides, relief_mm=np.full_like(sides.relief_mm, np.nan), rows=rows)
 
 
 Row = dict[str, float]
@@ -245,7 +259,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     if options.act == "train":
-        train(options.pairs, options.into)
+        train(options.sets, options.pairs, options.into)
     elif options.act == "judge":
         with ProcessPoolExecutor(options.workers) as pool:
             rows = list(pool.map(_judged, sorted(options.pairs.glob("*.pkl"))))

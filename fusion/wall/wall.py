@@ -1,20 +1,20 @@
 """The one wall that both sides of a comparison know: each sample's relief, whether it is a cell, and who decided."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
 from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.circle import gaussian
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.base.numeric.regions import label, quantiles, remove_small
+from endoct.base.numeric.regions import Labels, label, quantiles, remove_small
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, cell_features
-from endoct.fusion.wall.network import answers
+from endoct.fusion.wall.network import AT_ONCE, answers
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
@@ -27,6 +27,10 @@ TRUST_MM = 0.05
 """A standard error of depth by parallax of this size halves the trust in it."""
 LEAST_SHARE = 0.5
 """A sample on a measured row is a cell's by depth where a larger share of it is."""
+AROUND_MM, ROW_MM = 0.06, 0.03
+"""Standard deviations of what counts around a sample: of what the side with light shows, and on a measured row."""
+LEAST_WEIGHT = 0.01
+"""With less of it known around, a mean is not known either."""
 WIDEST_MM = 1.5
 """A wider cell is no deeper for that."""
 SHALLOWEST_MM = 0.01
@@ -113,43 +117,68 @@ def cells_from(sides: BothSides) -> tuple[Image, Mask]:
     return probability, remove_small(probability > 0.5, smallest_px)
 
 
-def depth_features(sides: BothSides, cells: Mask) -> NDArray[np.float32]:
-    """Return what tells the depth of ``cells``, float32 (16, n), for each of their samples; 0 where it is not known.
+def depth_features(sides: BothSides, cells: Mask) -> Callable[[NDArray[np.intp]], NDArray[np.float32]]:
+    """Return what tells the depth of ``cells``: a function of the flat indices (n,) of some of their samples.
 
-    Relief interpolated between measured rows; the distance to the cell's outline and to the nearest measured row;
-    relief by parallax and the trust in it; the darkness; of the rows next to it, the nearer one first, relief, the
-    share that is a cell, brightness; of the whole cell, the median and the ninth decile of what was measured, whether
-    anything was, and the radius of a disc of its area.
+    It returns float32 (24, n), 0 where something is not known. Relief interpolated between measured rows; the distance
+    to the cell's outline and to the nearest measured row; relief by parallax and the trust in it; the darkness; the
+    means of parallax and darkness around. Of the whole cell: the median and the ninth decile of what was measured,
+    whether anything was, and the radius of a disc of its area. Of the rows next to it, the nearer one first: relief,
+    the share that is a cell, brightness; around there on the row, the mean and the spread of relief, and the mean of
+    brightness; 0 where none is near. A floor in range is smooth along its row; where none is, what was measured is a
+    surface in the noise.
     """
-    features = np.empty((16, np.count_nonzero(cells)), np.float32)
-    for feature, part in zip(features, chain(_of_samples(sides, cells), _of_whole(sides, cells)), strict=True):
-        feature[:] = part
-    return np.nan_to_num(features, copy=False)
-
-
-def _of_samples(sides: BothSides, cells: Mask) -> Iterator[NDArray[np.floating]]:
-    """Yield what is known of each sample of ``cells`` alone, twelve arrays (n,)."""
-    rows, (row, column) = sides.rows, np.nonzero(cells)
-    yield sides.relief_mm[cells]
-    yield signed_distance(cells, (sides.grid.dz_mm, sides.grid.dtheta_mm), FARTHEST_MM)[cells]
-    yield sides.from_row_mm[row]
-    yield sides.parallax_mm[cells]
-    yield TRUST_MM / (TRUST_MM + sides.parallax_error_mm[cells])
-    yield sides.darkness[cells]
-    for next_to in rows.neighbours(sides.grid.z_mm):
-        yield from (image[next_to[row], column] for image in (rows.relief_mm, rows.cells, rows.brightness))
-
-
-def _of_whole(sides: BothSides, cells: Mask) -> Iterator[NDArray[np.floating | np.bool_]]:
-    """Yield what is known of the whole cell that each sample lies in, four arrays (n,)."""
     grid, rows, (labels, n) = sides.grid, sides.rows, label(cells)
-    at, on_grid = labels[cells], np.clip(np.rint(grid.row_of(rows.z_mm)), 0, grid.n_z - 1).astype(np.intp)
-    shown = rows.cells > LEAST_SHARE
-    median_mm, high_mm = (quantiles(rows.relief_mm[shown], labels[on_grid][shown], n, share) for share in (0.5, 0.9))
-    yield median_mm[at]
-    yield high_mm[at]
-    yield np.isfinite(median_mm)[at]
-    yield np.minimum(np.sqrt(np.bincount(at, minlength=n + 1) * grid.dz_mm * grid.dtheta_mm / np.pi), WIDEST_MM)[at]
+    outline_mm = signed_distance(cells, (grid.dz_mm, grid.dtheta_mm), FARTHEST_MM)
+    around = AROUND_MM / grid.dz_mm, AROUND_MM / grid.dtheta_mm
+    by_light = [_mean_around(of, cells & np.isfinite(of), *around) for of in (sides.parallax_mm, sides.darkness)]
+    of_cell = _of_whole_cells(sides, labels, n)
+    known = (rows.cells > LEAST_SHARE) & np.isfinite(rows.relief_mm)
+    mean_mm, square, bright = (
+        _mean_around(of, known, 0.0, ROW_MM / grid.dtheta_mm)
+        for of in (rows.relief_mm, rows.relief_mm**2, rows.brightness)
+    )
+    spread_mm = np.sqrt(np.maximum(square - mean_mm**2, 0))
+    of_rows = rows.relief_mm, rows.cells, rows.brightness, mean_mm, spread_mm, bright
+    from_row_mm, next_to = np.minimum(sides.from_row_mm, FARTHEST_MM), rows.neighbours(grid.z_mm)
+
+    def features_at(samples: NDArray[np.intp]) -> NDArray[np.float32]:
+        row, column = np.divmod(samples, grid.n_theta)
+        is_near = from_row_mm[row] < FARTHEST_MM
+        features = [
+            *(of.flat[samples] for of in (sides.relief_mm, outline_mm)),
+            from_row_mm[row],
+            sides.parallax_mm.flat[samples],
+            TRUST_MM / (TRUST_MM + sides.parallax_error_mm.flat[samples]),
+            *(of.flat[samples] for of in (sides.darkness, *by_light)),
+            *(of[labels.flat[samples]] for of in of_cell),
+            *(np.where(is_near, of[near[row], column], 0) for near in next_to for of in of_rows),
+        ]
+        return np.nan_to_num(np.array(features, np.float32), copy=False)
+
+    return features_at
+
+
+def _of_whole_cells(sides: BothSides, labels: Labels, n: int) -> Iterable[NDArray[np.floating | np.bool_]]:
+    """Return what is known of each of ``n`` cells, four arrays (n + 1,)."""
+    grid, rows = sides.grid, sides.rows
+    on_grid = np.clip(np.rint(grid.row_of(rows.z_mm)), 0, grid.n_z - 1).astype(np.intp)
+    is_on_grid = np.abs(grid.z_mm[on_grid] - rows.z_mm) < grid.dz_mm
+    measured = (rows.cells > LEAST_SHARE) & is_on_grid[:, np.newaxis]
+    median_mm, high_mm = (
+        quantiles(rows.relief_mm[measured], labels[on_grid][measured], n, share) for share in (0.5, 0.9)
+    )
+    radius_mm = np.sqrt(np.bincount(labels.ravel(), minlength=n + 1) * grid.dz_mm * grid.dtheta_mm / np.pi)
+    return median_mm, high_mm, np.isfinite(median_mm), np.minimum(radius_mm, WIDEST_MM)
+
+
+def _mean_around(image: Image, known: Mask, sigma_rows_px: float, sigma_columns_px: float) -> Image:
+    """Return the mean of what is ``known`` around each sample, by a Gaussian; 0 far from all of it."""
+    total, weight = (
+        gaussian(part, sigma_rows_px, sigma_columns_px)
+        for part in (np.where(known, image, np.float32(0)), known.astype(np.float32))
+    )
+    return np.divide(total, weight, out=np.zeros_like(total), where=weight > LEAST_WEIGHT)
 
 
 def known_depth(sides: BothSides) -> Image:
@@ -164,9 +193,12 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
     of_wall = relief_mm[plain]
     error_mm = np.where(plain, np.float32(robust_sigma(of_wall) if of_wall.size else np.nan), np.float32(np.nan))
     told = cells & np.isfinite(known_depth(sides))
-    beyond_mm, log_error = answers("depth", depth_features(sides, told))
-    relief_mm[told] = np.maximum(known_depth(sides)[told] + beyond_mm, SHALLOWEST_MM)
-    error_mm[told] = np.clip(OF_SCALE * np.exp(log_error), *ERRORS_MM)
+    features_at, depth_mm, samples = depth_features(sides, told), known_depth(sides), np.flatnonzero(told)
+    for first in range(0, samples.size, AT_ONCE):
+        some = samples[first : first + AT_ONCE]
+        beyond_mm, log_error = answers("depth", features_at(some))
+        relief_mm.flat[some] = np.maximum(depth_mm.flat[some] + beyond_mm, SHALLOWEST_MM)
+        error_mm.flat[some] = np.clip(OF_SCALE * np.exp(log_error), *ERRORS_MM)
     return relief_mm, error_mm
 
 

@@ -138,25 +138,46 @@ def test_features_are_those_that_the_networks_were_trained_on() -> None:
     assert middle[4] == 1  # light covers all of depth's cell
     assert middle[5] == pytest.approx(0.25, abs=0.03)  # of light's cell depth covers a quarter
     assert features[4:, 0].tolist() == [1, 1]  # far from both
-    of_depth = depth_features(made, other)
-    assert of_depth.shape == (16, other.sum())
+    of_depth = depth_features(made, other)(np.flatnonzero(other))
+    assert of_depth.shape == (24, other.sum())
     assert of_depth[0] == pytest.approx(made.relief_mm[other])
     assert of_depth[1].min() > 0
     assert of_depth[1].max() == pytest.approx(0.2, abs=0.03)
     assert of_depth[2].max() == pytest.approx(0.1, abs=1e-6)  # rows lie 0.2 mm apart
-    assert (of_depth[3:5] == 0).all()  # no parallax
+    assert (of_depth[[3, 4, 6]] == 0).all()  # no parallax
     assert (of_depth[5] == 1).all()
-    assert set(of_depth[7]) == {0, 1}
-    nearer, farther = of_depth[6:9], of_depth[9:12]
+    assert of_depth[7] == pytest.approx(1)
+    nearer, farther = of_depth[12:18], of_depth[18:]
     on_row = of_depth[2] < 0.001
     assert nearer[0, on_row] == pytest.approx(of_depth[0, on_row])
     assert (nearer[1, on_row] == 1).all()
-    median_mm, high_mm, is_known, radius_mm = of_depth[12:]
+    assert set(nearer[1]) == {0, 1}
+    assert nearer[3, on_row] == pytest.approx(0.3, abs=0.006)
+    assert np.median(nearer[4, on_row]) == pytest.approx(0.004, rel=0.4)  # its noise
+    assert farther[1].mean() < nearer[1].mean()  # the farther row often lies beyond the cell
+    median_mm, high_mm, is_known, radius_mm = of_depth[8:12]
     assert median_mm == pytest.approx(0.3, abs=0.002)
     assert 0.303 < high_mm[0] < 0.308  # the ninth decile of noise of 4 µm
     assert (is_known == 1).all()
     assert radius_mm == pytest.approx(0.2, abs=0.005)
-    assert farther[1].mean() < nearer[1].mean()  # the farther row often lies beyond the cell
+
+
+def test_what_lies_around_a_sample_counts_over_the_seam_and_beyond_what_is_not_known() -> None:
+    cell = disc(2.5, 0.0, 0.3)
+    made = sides(cell, cell)
+    row, column = np.indices(GRID.shape)
+    known = (row + column) % 2 == 0  # every second sample
+    parallax_mm = np.where(known, np.where(column < GRID.n_theta // 2, 0.2, 0.6), np.nan).astype(np.float32)
+    brightness = np.where(np.arange(GRID.n_theta) < GRID.n_theta // 2, np.float32(2), np.float32(-4))
+    rows = replace(made.rows, brightness=np.broadcast_to(brightness, made.rows.relief_mm.shape))
+    features = depth_features(replace(made, parallax_mm=parallax_mm, rows=rows), cell)(np.flatnonzero(cell))
+    at_row, at_column = np.nonzero(cell)
+    middle = np.abs(at_row - 75) < 4
+    beside_seam, inside = middle & (at_column % (GRID.n_theta - 1) == 0), middle & (at_column == 20)
+    assert features[6, beside_seam].mean() == pytest.approx(0.4, abs=0.01)
+    assert features[6, inside] == pytest.approx(0.2, abs=0.01)
+    assert features[17, beside_seam].mean() == pytest.approx(-1, abs=0.05)
+    assert features[17, inside] == pytest.approx(2, abs=0.01)
 
 
 def test_a_sample_is_answered_alike_among_many() -> None:
@@ -166,7 +187,7 @@ def test_a_sample_is_answered_alike_among_many() -> None:
     assert together.shape == (1, 70_000)
     assert together.min() < 0 < together.max()
     assert answers("cell", features[:, 65_530:65_540]) == pytest.approx(together[:, 65_530:65_540], abs=1e-4)
-    assert answers("depth", np.zeros((16, 3), np.float32)).shape == (2, 3)
+    assert answers("depth", np.zeros((24, 3), np.float32)).shape == (2, 3)
 
 
 def test_cells_have_area_volume_and_errors(tmp_path: Path) -> None:
