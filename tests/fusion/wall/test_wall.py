@@ -177,6 +177,10 @@ def test_what_lies_around_a_sample_counts_over_the_seam_and_beyond_what_is_not_k
     assert features[6, beside_seam].mean() == pytest.approx(0.4, abs=0.01)
     assert features[6, inside] == pytest.approx(0.2, abs=0.01)
     assert features[17, beside_seam].mean() == pytest.approx(-1, abs=0.05)
+    wider = replace(made, parallax_mm=parallax_mm, rows=rows, grid=replace(GRID, radius_mm=2.5))
+    features = depth_features(wider, cell)(np.flatnonzero(cell))
+    one_sigma = middle & (at_column == 1)  # 0.06 mm from the seam, of 0.2 and 0.6 on either side of it
+    assert features[6, one_sigma] == pytest.approx(0.4 - 0.2 * 0.68, abs=0.01)
     assert features[17, inside] == pytest.approx(2, abs=0.01)
 
 

@@ -263,7 +263,14 @@ def test_the_ruler_measures_along_the_wall(page: Watched):
     page.page.mouse.click(x + 40, y + 60)
     page.settle()
     text = page.page.locator(".readout").inner_text()
-    assert float(re.search(r"ruler\n([\d.]+) mm", text)[1]) == pytest.approx(100 * page.panes()[0]["mmPerPx"], rel=0.03)
+    mm = page.panes()[0]["mmPerPx"]
+    length_mm, degrees = map(float, re.search(r"ruler\n([\d.]+) mm, ([\d.]+)° from the axis", text).groups())
+    wide_mm, tall_mm, area_mm2 = map(
+        float, re.search(r"rectangle\n([\d.]+) × ([\d.]+) mm, ([\d.]+) mm²", text).groups()
+    )
+    assert [length_mm, wide_mm, tall_mm] == pytest.approx([100 * mm, 80 * mm, 60 * mm], rel=0.03)
+    assert degrees == pytest.approx(53.1, abs=1)
+    assert area_mm2 == pytest.approx(4800 * mm**2, rel=0.06)
 
 
 def test_contrast_and_colours_change_without_new_tiles(page: Watched):

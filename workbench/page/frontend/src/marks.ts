@@ -185,22 +185,20 @@ function drawCross(sheet: Sheet, place: Place | null, colour: string, edge: stri
   }
 }
 
-/** Length on the wall between two places, mm, the shorter way around. */
-export function lengthOnWall(from: Place, to: Place, wall: Wall): number {
+/** How far `to` lies from `from` on the wall, the shorter way around: around, in the direction of θ, and along. */
+export function apartOnWall(from: Place, to: Place, wall: Wall): { around_mm: number; along_mm: number } {
   const turn = 2 * Math.PI;
-  const apart = (((to.theta_rad - from.theta_rad) % turn) + turn) % turn;
-  return Math.hypot(Math.min(apart, turn - apart) * wall.part.radius_mm, to.z_mm - from.z_mm);
+  const apart = (((to.theta_rad - from.theta_rad + Math.PI) % turn) + turn) % turn - Math.PI;
+  return { around_mm: apart * wall.part.radius_mm, along_mm: to.z_mm - from.z_mm };
 }
 
 function drawRuler(sheet: Sheet, state: State): void {
   const { drawing, wall } = sheet;
   const to = state.ruler?.to ?? (state.measuring ? state.cursor : null);
   if (!state.ruler || !to) return;
-  const turn = 2 * Math.PI;
-  const apart = ((((to.theta_rad - state.ruler.from.theta_rad + Math.PI) % turn) + turn) % turn) - Math.PI;
-  const end = { theta_rad: state.ruler.from.theta_rad + apart, z_mm: to.z_mm };
-  const dx = (apart * wall.part.radius_mm) / sheet.view.mm_per_px;
-  const dy = (end.z_mm - state.ruler.from.z_mm) / sheet.view.mm_per_px;
+  const { around_mm, along_mm } = apartOnWall(state.ruler.from, to, wall);
+  const dx = around_mm / sheet.view.mm_per_px;
+  const dy = along_mm / sheet.view.mm_per_px;
   for (const { x, y } of repeats(state.ruler.from, sheet, REACH_PX)) {
     for (const [colour, wide] of [[HALO, 5], [INK, 2]] as const) {
       drawing.strokeStyle = colour;
@@ -212,7 +210,7 @@ function drawRuler(sheet: Sheet, state: State): void {
     }
     drawing.textAlign = "center";
     drawing.textBaseline = "middle";
-    label(drawing, `${lengthOnWall(state.ruler.from, end, wall).toFixed(3)} mm`, x + dx / 2, y + dy / 2 - 10);
+    label(drawing, `${Math.hypot(around_mm, along_mm).toFixed(3)} mm`, x + dx / 2, y + dy / 2 - 10);
   }
 }
 

@@ -5,7 +5,7 @@ import type { Source, Values } from "./source";
 import type { State } from "./state";
 import { cellAt, isOutlined } from "./cells";
 import { type Spot, degrees } from "./wall";
-import { lengthOnWall, type Paths } from "./marks";
+import { apartOnWall, type Paths } from "./marks";
 import type { Wall } from "./wall";
 
 export class Readout {
@@ -71,7 +71,13 @@ export class Readout {
       rows.push([`${outline.side}: cell`, cell ? `${cell.id} (${cell.state === "alone" ? `only ${cell.side}` : cell.state})` : "–"]);
     }
     const { ruler } = this.state;
-    if (ruler?.to) rows.push(["ruler", `${lengthOnWall(ruler.from, ruler.to, this.wall).toFixed(3)} mm`]);
+    if (ruler?.to) {
+      const { around_mm, along_mm } = apartOnWall(ruler.from, ruler.to, this.wall);
+      const [wide_mm, tall_mm] = [Math.abs(around_mm), Math.abs(along_mm)];
+      const fromAxis = (Math.atan2(wide_mm, tall_mm) * 180) / Math.PI;
+      rows.push(["ruler", `${Math.hypot(wide_mm, tall_mm).toFixed(3)} mm, ${fromAxis.toFixed(1)}° from the axis`]);
+      rows.push(["its rectangle", `${wide_mm.toFixed(3)} × ${tall_mm.toFixed(3)} mm, ${(wide_mm * tall_mm).toFixed(3)} mm²`]);
+    }
     const pinned = !this.state.cursor && this.state.pinned ? "at the marked place" : "under the cursor";
     this.element.replaceChildren(
       element("h2", {}, "Values ", element("small", {}, place ? pinned : "")),

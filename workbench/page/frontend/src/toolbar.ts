@@ -71,7 +71,7 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
           state.tell("marks");
           draw();
         })] : []),
-      toggle("ruler", "length along the wall: click two places (R)", state.measuring, () => {
+      toggle("ruler", "length, angle and area on the wall: click two places (R)", state.measuring, () => {
         state.measuring = !state.measuring;
         state.ruler = null;
         state.tell("marks");
