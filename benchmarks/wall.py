@@ -46,6 +46,7 @@ WIDTHS = {"cell": 32, "depth": 64}
 SAMPLES_A_PAIR, SAMPLES_FAR_FROM_ROWS = 6000, 600
 FAR_MM = 1000.0
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
+DOUBTS = (0.0, 0.02), (0.02, 0.1), (0.1, 0.3), (0.3, 0.51)
 REACHED_MM = 0.7
 """Deeper floors often lie beyond what OCT reaches."""
 DECIDED = ((BY_LIGHT, "light"), (BY_DEPTH, "depth"), (BY_BOTH, "both"))
@@ -209,6 +210,14 @@ def judged(known: Known) -> Row:
     masks = {"wall": wall.cells, **joined(sides, known.believed)}
     row = {name: jaccard(mask & both, known.cell & both, both) or 0.0 for name, mask in masks.items()}
     row["better side"] = max(row["endoscope"], row["OCT"])
+    wrong = wall.cells != known.cell
+    stated = np.minimum(wall.probability, 1 - wall.probability)
+    for low, high in DOUBTS:
+        part = both & (stated >= low) & (stated < high)
+        row[f"wrong, stated {low:g}–{high:g}"], row[f"wrong, in truth {low:g}–{high:g}"] = (
+            stated[part].mean(),
+            wrong[part].mean(),
+        )
     right = wall.cells & known.cell & both & np.isfinite(wall.relief_mm)
     error = wall.relief_mm - known.relief_mm
     row["volume"] = float(
@@ -243,7 +252,9 @@ def table(rows: Sequence[tuple[str, Row]]) -> Iterator[str]:
             lost = int((wall < v - SMALLER_BY).sum())
             of_rival = f"{np.median(v):.3f} (mean {v.mean():.3f}, worst {v.min():.3f})"
             yield f"    {key}: {of_rival}; ahead of the wall by over {SMALLER_BY} in {lost}"
-        for key in dict.fromkeys(key for row in mine for key in row if key[0].isdigit() or key == "volume"):
+        for key in dict.fromkeys(
+            key for row in mine for key in row if key[0].isdigit() or key == "volume" or key.startswith("wrong")
+        ):
             v = np.array([row[key] for row in mine if key in row])
             yield f"    {key}: {np.median(v):.3f} (mean {v.mean():.3f}, {v.min():.3f} to {v.max():.3f})"
 

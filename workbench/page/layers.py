@@ -40,11 +40,12 @@ _NOT_OBSERVED = 255
 """Palette entry of what was not observed: transparent."""
 _GREY = [(grey, grey, grey) for grey in range(256)]
 IMAGE, DEPTH, CELLS, DIFFERENCE = "image", "relief", "cells", "difference"
-PARALLAX_DEPTH = "parallax_depth_mm"
+PARALLAX_DEPTH, PROBABILITY = "parallax_depth_mm", "cell_probability"
 TITLES = {
     "intensity": (IMAGE, "image", "intensity", "a.u."),
     "depth_mm": (DEPTH, "relief", "wall radius − bore radius", "mm"),
     PARALLAX_DEPTH: ("parallax", "relief by parallax", "wall radius − bore radius", "mm"),
+    PROBABILITY: ("probability", "probability of a cell", "probability", "1"),
 }
 """Images of a panorama by their names in its store: end of the key, title, quantity and unit."""
 DRAWN = "drawn."
@@ -216,12 +217,12 @@ def comparison_layers(
 
 
 def _wall_layers(store: Path, placing: Placing, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
-    """Yield relief and cells of the one wall of both sides."""
+    """Yield relief, probability of a cell, and cells of the one wall of both sides."""
     relief = _plane(store, "depth_mm", (), placing, wall, cache)
-    layer = scalar(relief)
-    part = _scalar_part(WALL, "depth_mm", layer.low, layer.high, relief, wall)
-    yield Described(layer, replace(part, side=None))
-    cells = Plane(stored_image(store / "cell_probability", cache, ()), None, placing, wall.radius_mm)
+    cells = Plane(stored_image(store / PROBABILITY, cache, ()), None, placing, wall.radius_mm)
+    for name, plane in (("depth_mm", relief), (PROBABILITY, cells)):
+        layer = scalar(plane)
+        yield Described(layer, replace(_scalar_part(WALL, name, layer.low, layer.high, plane, wall), side=None))
     shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(WALL_COLOUR))
     part = _classes_part(f"{WALL}-{CELLS}", f"{WALL}: {CELLS}", None, shown, cells, wall)
     yield Described(Classes((cells,), (COLOURS[NEITHER], WALL_COLOUR)), part)

@@ -104,6 +104,7 @@ def test_probabilities_bound_cells_at_a_half_and_errors_are_lengths(monkeypatch:
         return odds if network == "cell" else np.vstack([0 * odds + 0.1, 0 * odds + np.log(0.05)]).astype(np.float32)
 
     monkeypatch.setattr("endoct.fusion.wall.wall.answers", answered)
+    monkeypatch.setattr("endoct.fusion.wall.wall.AT_ONCE", 97)
     wall = wall_from(sides(cell, cell))
     assert (wall.cells >= cell).all()
     assert np.median(wall.relief_mm[cell]) == pytest.approx(0.4, abs=0.01)  # 0.1 mm beyond what was measured
@@ -182,6 +183,17 @@ def test_what_lies_around_a_sample_counts_over_the_seam_and_beyond_what_is_not_k
     one_sigma = middle & (at_column == 1)  # 0.06 mm from the seam, of 0.2 and 0.6 on either side of it
     assert features[6, one_sigma] == pytest.approx(0.4 - 0.2 * 0.68, abs=0.01)
     assert features[17, inside] == pytest.approx(2, abs=0.01)
+
+
+def test_rows_that_lie_far_off_say_nothing_of_a_sample() -> None:
+    whole = np.ones(GRID.shape, np.bool_)  # a cell up to either end
+    made = sides(whole, whole)
+    assert (depth_features(made, whole)(np.arange(3))[8:] != 0).any(axis=1).sum() > 8
+    off = replace(made, rows=replace(made.rows, z_mm=made.rows.z_mm + 9))
+    features = depth_features(off, whole)(np.flatnonzero(whole))
+    assert features[2] == pytest.approx(0.3)  # as far as it counts
+    assert (features[8:11] == 0).all()
+    assert (features[12:] == 0).all()
 
 
 def test_a_sample_is_answered_alike_among_many() -> None:

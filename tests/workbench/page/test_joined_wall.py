@@ -52,6 +52,11 @@ def test_the_wall_is_a_layer_of_both_sides_with_a_relief(folder: Path):
     assert "wall-relief" in shown.reliefs
     assert shown.values_at(math.radians(135), 1.5)["wall-relief"] == pytest.approx(0.3)
     assert shown.values_at(math.radians(135), 0.2)["wall-relief"] is None
+    part = next(part for part in shown.description.layers if part.key == "wall-probability")
+    assert (part.side, part.unit, part.title) == (None, "1", "wall: probability of a cell")
+    assert [shown.values_at(math.radians(deg), 1.5)["wall-probability"] for deg in (135, 300)] == pytest.approx(
+        [0.9, 0.1]
+    )
 
 
 def test_cells_of_the_wall_are_shown_and_outlined(folder: Path):
