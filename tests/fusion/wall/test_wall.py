@@ -171,14 +171,16 @@ def test_what_lies_around_a_sample_counts_over_the_seam_and_beyond_what_is_not_k
     parallax_mm = np.where(known, np.where(column < GRID.n_theta // 2, 0.2, 0.6), np.nan).astype(np.float32)
     brightness = np.where(np.arange(GRID.n_theta) < GRID.n_theta // 2, np.float32(2), np.float32(-4))
     rows = replace(made.rows, brightness=np.broadcast_to(brightness, made.rows.relief_mm.shape))
-    features = depth_features(replace(made, parallax_mm=parallax_mm, rows=rows), cell)(np.flatnonzero(cell))
+    made = replace(made, parallax_mm=parallax_mm, parallax_error_mm=np.full(GRID.shape, 0.15, np.float32), rows=rows)
+    features = depth_features(made, cell)(np.flatnonzero(cell))
     at_row, at_column = np.nonzero(cell)
     middle = np.abs(at_row - 75) < 4
     beside_seam, inside = middle & (at_column % (GRID.n_theta - 1) == 0), middle & (at_column == 20)
+    assert features[4] == pytest.approx(0.25)  # the trust in parallax: 0.05 mm over that and its error
     assert features[6, beside_seam].mean() == pytest.approx(0.4, abs=0.01)
     assert features[6, inside] == pytest.approx(0.2, abs=0.01)
     assert features[17, beside_seam].mean() == pytest.approx(-1, abs=0.05)
-    wider = replace(made, parallax_mm=parallax_mm, rows=rows, grid=replace(GRID, radius_mm=2.5))
+    wider = replace(made, grid=replace(GRID, radius_mm=2.5))
     features = depth_features(wider, cell)(np.flatnonzero(cell))
     one_sigma = middle & (at_column == 1)  # 0.06 mm from the seam, of 0.2 and 0.6 on either side of it
     assert features[6, one_sigma] == pytest.approx(0.4 - 0.2 * 0.68, abs=0.01)
