@@ -122,8 +122,8 @@ class RecordingPage {
     const field = this.sidecar?.fields.find((each) => each.key === "travel");
     const chosen = this.controls.get("travel")?.value;
     const taken = field ? field.cited || field.stated || field.default : "";
-    const by = chosen ? "" : field?.cited || field?.stated ? "(as the files say)" : "(taken where nothing is said)";
-    this.travel.replaceChildren(...(field ? [travelFigure(chosen || taken, by, Number(this.place.value))] : []));
+    const by = chosen || !taken ? "" : field?.cited || field?.stated ? "(as the files say)" : "(taken where nothing is said)";
+    this.travel.replaceChildren(...(field ? [travelFigure(chosen || taken || "not stated", by, Number(this.place.value))] : []));
   }
 
   private later(): void {
