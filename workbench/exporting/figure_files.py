@@ -46,7 +46,7 @@ def write_svg(source: Source, path: Path, request: ExportRequest, stages: Stages
             archive.writestr(_entry(f"{name}.svg"), svg_of(figure, inked), ZIP_DEFLATED)
 
         figures = _drawn(source, stages, keep)
-        captions = "\n".join(f"{one.rendered.name}.svg: {one.title}. {one.caption}\n" for one in figures)
+        captions = "\n".join(f"{figure.rendered.name}.svg: {figure.title}. {figure.caption}\n" for figure in figures)
         archive.writestr(_entry("captions.txt"), captions, ZIP_DEFLATED)
     return {"figures": len(figures)}
 

@@ -44,6 +44,11 @@ class Layer:
     valid: StoredImage | None
     rows: NDArray[np.intp]
 
+    @property
+    def title(self) -> str:
+        """Its name, with the unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
     def read(self, start: int, stop: int) -> Image:
         """Return the rows from ``start`` to before ``stop``, float32 (rows, n_theta), NaN where nothing was observed.
 
@@ -79,14 +84,8 @@ def even_rows(grid: SurfaceGrid) -> tuple[SurfaceGrid, NDArray[np.intp]]:
     """
     z_mm = grid.z_mm
     n_z = max(1, round(float(z_mm[-1] - z_mm[0]) / grid.dz_mm) + 1)
-    even = SurfaceGrid.full_circle(
-        n_z,
-        grid.n_theta,
-        z0_mm=float(z_mm[0]),
-        dz_mm=grid.dz_mm,
-        radius_mm=grid.radius_mm,
-        theta0_rad=grid.theta0_rad,
-    )
+    kept = {"dz_mm": grid.dz_mm, "radius_mm": grid.radius_mm, "theta0_rad": grid.theta0_rad}
+    even = SurfaceGrid.full_circle(n_z, grid.n_theta, z0_mm=float(z_mm[0]), **kept)
     if lies_evenly(grid):
         return even, np.arange(n_z)
     nearest = np.clip(np.rint(grid.row_of(even.z_mm)).astype(np.intp), 0, grid.n_z - 1)

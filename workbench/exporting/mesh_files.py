@@ -71,14 +71,8 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
         known = np.isfinite(images[id(relief or seen)])
         radius_mm = source.grid.radius_mm + (images[id(relief)] if relief else np.zeros(known.shape, np.float32))
         colours = _colours(images[id(colour)], colour) if colour else np.zeros((*known.shape, 3), np.uint8)
-        points = np.stack(
-            [
-                radius_mm * np.cos(places.theta_rad),
-                radius_mm * np.sin(places.theta_rad),
-                np.broadcast_to(places.z_mm[:, np.newaxis], known.shape),
-            ],
-            axis=-1,
-        )
+        x_mm, y_mm = radius_mm * np.cos(places.theta_rad), radius_mm * np.sin(places.theta_rad)
+        points = np.stack([x_mm, y_mm, np.broadcast_to(places.z_mm[:, np.newaxis], known.shape)], axis=-1)
         faces = _faces(known)
         used = np.zeros(known.size, np.bool_)
         used[faces] = True
@@ -139,9 +133,10 @@ class _Vertices:
 
 def _relief_layer(source: Source, side: str | None) -> tuple[Layer | None, Layer]:
     """Return (the layer whose relief the wall has, None for none; a layer of the same side that says what is there)."""
-    _check_side(source, side)
+    if side is not None and side not in source.sides:
+        raise EndoctError(f"{source.path} has no such side", found=side, expected=" or ".join(source.sides))
     sides = source.sides if side is None else (side,)
-    reliefs = [layer for layer in (source.layer(one, "relief") for one in sides) if layer]
+    reliefs = [layer for layer in (source.layer(side, "relief") for side in sides) if layer]
     if reliefs:
         return reliefs[0], reliefs[0]
     return None, next(layer for layer in source.layers if layer.side == sides[0])
@@ -157,8 +152,8 @@ def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
     side = shape_side if color is None else color
     layer = source.layer(side, "intensity")
     if layer is None:
-        having = [one.side for one in source.layers if one.quantity == "intensity"]
-        having += [RELIEF] * any(one.quantity == RELIEF for one in source.layers)
+        having = [layer.side for layer in source.layers if layer.quantity == "intensity"]
+        having += [RELIEF] * any(layer.quantity == RELIEF for layer in source.layers)
         raise EndoctError(
             f"the wall of {source.path} cannot be coloured so", found=side, expected=" or ".join(dict.fromkeys(having))
         )
@@ -169,11 +164,6 @@ def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
             remedy=f"leave color out, or choose side='{side}' too",
         )
     return layer
-
-
-def _check_side(source: Source, side: str | None) -> None:
-    if side is not None and side not in source.sides:
-        raise EndoctError(f"{source.path} has no such side", found=side, expected=" or ".join(source.sides))
 
 
 def _colours(image: Image, layer: Layer) -> NDArray[np.uint8]:
@@ -193,12 +183,16 @@ def _colours(image: Image, layer: Layer) -> NDArray[np.uint8]:
 
 def _faces(known: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return triangles between neighbours that are all known, the last column joined to the first, facing the axis."""
-    n_z, n_theta = known.shape
+    corners = quads(*known.shape)
+    faces = np.concatenate([corners[:, (0, 2, 1)], corners[:, (1, 2, 3)]])
+    return np.asarray(faces[known.ravel()[faces].all(axis=1)])
+
+
+def quads(n_z: int, n_theta: int) -> NDArray[np.int64]:
+    """Return the corners between neighbours on rows of a cylinder, (n, 4): one, the next around, and both a row on."""
     here = np.arange(n_z * n_theta).reshape(n_z, n_theta)
     beside = np.roll(here, -1, axis=1)
-    quads = np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
-    faces = np.concatenate([quads[:, (0, 2, 1)], quads[:, (1, 2, 3)]])
-    return np.asarray(faces[known.ravel()[faces].all(axis=1)])
+    return np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
 
 
 def write_ply(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:

@@ -45,7 +45,7 @@ def layers_of(source: Source) -> list[LayerData]:
         images = [read_level(layer, level, 0, level.shape[0]) for level in levels]
         is_relief = layer.quantity == "relief"
         display = {
-            "name": f"{layer.name} ({layer.unit})" if layer.unit else layer.name,
+            "name": layer.title,
             "contrast_limits": contrast_of(layer),
             "colormap": "viridis" if is_relief else COLOURS[source.sides.index(layer.side)] if two else "gray",
             "blending": "additive",

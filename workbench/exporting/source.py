@@ -64,7 +64,7 @@ class Source:
 
     def layer(self, side: str, quantity: str) -> Layer | None:
         """Return the layer of ``side``, None where it has none."""
-        return next((one for one in self.layers if (one.side, one.quantity) == (side, quantity)), None)
+        return next((layer for layer in self.layers if (layer.side, layer.quantity) == (side, quantity)), None)
 
 
 def open_for_export(path: Path) -> Source:

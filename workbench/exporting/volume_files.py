@@ -266,7 +266,9 @@ def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stag
     """
     volume = volume_of(source, request)
     packed = path.suffix == ".gz"
-    header = nifti_header(volume.shape, volume.dtype, _to_ras(volume), "bore, RAS", "" if packed else BLANK)
+    (dx, dy, dz), (x, y, z) = volume.step_mm, volume.origin_mm
+    to_ras = np.array([[-dx, 0, 0, -x], [0, -dy, 0, -y], [0, 0, dz, z], [0, 0, 0, 1]], dtype=np.float64)
+    header = nifti_header(volume.shape, volume.dtype, to_ras, "bore, RAS", "" if packed else BLANK)
     with stages.stage("NIfTI") as advance, path.open("wb") as file:
         stream = GzipStream(file, BLANK) if packed else file
         stream.write(header)
@@ -277,8 +279,3 @@ def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stag
             stream.finish()
     mark(path)
     return volume_facts(volume) | {"space": "RAS: −x, −y and z of the bore frame"}
-
-
-def _to_ras(volume: Volume) -> Coordinates:
-    (dx, dy, dz), (x, y, z) = volume.step_mm, volume.origin_mm
-    return np.array([[-dx, 0, 0, -x], [0, -dy, 0, -y], [0, 0, dz, z], [0, 0, 0, 1]], dtype=np.float64)

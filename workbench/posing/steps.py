@@ -69,7 +69,7 @@ def find_sources(
     made = Made(
         inputs={name: digest for one in (*map(digests, planned.files), *of_sides) for name, digest in one.items()},
         versions=pose_versions(),
-        parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
+        parameters={"device": device, **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides}},
         seconds=_seconds(stages, start),
     )
     result = PoseResult(found, summary, planned.coordinates, made, volumes)
