@@ -84,18 +84,13 @@ class OpenFolder:
         compared = self.study.named_by(entry.inputs)
         has_report = entry.row.name == SUMMARY and not entry.fault
         address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""
+        as_they_are = "kind", "level", "headline", "jaccard", "interval", "written", "fault"
         return {
+            **{name: getattr(entry, name) for name in as_they_are},
             "name": path_text(entry.name),
-            "kind": entry.kind,
             "about": entry.what,
-            "level": entry.level,
-            "headline": entry.headline,
-            "jaccard": entry.jaccard,
-            "interval": entry.interval,
             "doubts": [doubt.what for doubt in entry.doubts],
             "steps": [self._step(step) for step in entry.steps],
-            "written": entry.written,
-            "fault": entry.fault,
             "of": [path_text(each.name) for each in compared],
             "changed": any(each.changed_since(entry.path / "result.json") for each in compared),
             "note": read_note(entry.path),

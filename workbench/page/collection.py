@@ -7,7 +7,6 @@ which sorts and filters it. Thumbnails are the wall as strips, z to the right an
 import io
 import math
 import os
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -32,12 +31,12 @@ from endoct.workbench.kinds import KINDS, SAMPLE, Kind, places_in, reader
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.layers import CODES
-from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.opening import open_shown, written_at
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, Tile
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.next_steps import Stated, next_steps
-from endoct.workbench.report.verdict import Level, Verdict, recording_verdict, verdict_of
+from endoct.workbench.report.verdict import Level, recording_verdict, verdict_of
 from endoct.workbench.report.wording import NOTHING, interval_text
 
 MOST_ENTRIES = 5000
@@ -153,14 +152,15 @@ def listed_comparison(path: Path) -> dict[str, Any]:
     result = read_result(path)
     return {
         "what": " and ".join(result.sides),
-        **_verdict(verdict_of(result)),
+        "level": (verdict := verdict_of(result)).level,
+        "headline": verdict.headline,
         "jaccard": result.jaccard if result.aligned else None,
         "interval": result.overlap.jaccard_interval if result.overlap else None,
         "dice": result.dice if result.aligned else None,
         "cells": _cells(result) if result.aligned else None,
         "doubts": tuple(result.doubts),
         "steps": tuple(step.to_json(result) for step in next_steps(result, _stated(path, result))),
-        "written": _written(path / "result.json"),
+        "written": written_at(path / "result.json"),
         "inputs": tuple(result.inputs),
     }
 
@@ -184,9 +184,10 @@ def listed_panorama(path: Path) -> dict[str, Any]:
     doubts = read_doubts(path)
     return {
         "what": str(read_attributes(path).get("modality", "")),
-        **_verdict(recording_verdict(doubts)),
+        "level": (verdict := recording_verdict(doubts)).level,
+        "headline": verdict.headline,
         "doubts": doubts,
-        "written": _written(path / "zarr.json"),
+        "written": written_at(path / "zarr.json"),
     }
 
 
@@ -197,27 +198,20 @@ def listed_specimen(path: Path) -> dict[str, Any]:
     bone = bore.get("bone") if isinstance(bore, dict) else None
     said = (("preset", sample.get("preset")), ("seed", sample.get("seed")), ("bone", bone))
     what = ", ".join(f"{name} {value}" for name, value in said if isinstance(value, str | int))
-    return {"what": what[:200], "written": _written(path / SAMPLE)}
+    return {"what": what[:200], "written": written_at(path / SAMPLE)}
 
 
 def listed_summary(path: Path) -> dict[str, Any]:
     """Return what an :class:`Entry` says of a summary."""
-    return {"what": "of many", "written": _written(path / "summary.json")}
-
-
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {"level": verdict.level, "headline": verdict.headline}
-
-
-def _written(file: Path) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
+    return {"what": "of many", "written": written_at(path / "summary.json")}
 
 
 def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
     """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
     titles = [row.title for row in KINDS.values() if row.listed]
-    kinds = {title: sum(one.kind == title for one in entries) for title in titles}
-    levels = [level for level in LEVELS if any(one.level == level for one in entries)]
+    kinds = {title: sum(entry.kind == title for entry in entries) for title in titles}
+    order = list(LEVELS)
+    levels = [level for level in order if any(entry.level == level for entry in entries)]
     choices = [("", "all"), *((level, LEVELS[level]) for level in levels)]
     choices += [(kind, f"{kind}s") for kind, count in kinds.items() if 0 < count < len(entries)]
     return rendered(
@@ -229,7 +223,8 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> Marku
         entries=entries,
         version=version,
         address_of=address_of,
-        level_of=_level,
+        # how far an entry is trusted: a key to sort by, and words
+        level_of=lambda one: (order.index(one.level), LEVELS[one.level]) if one.level else (len(order), NOTHING),
         numbers_of=_numbers,
         research=RESEARCH,
     )
@@ -238,11 +233,6 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> Marku
 def address_of(entry: Entry, pages: str = PAGES) -> str:
     """Return where the page of an entry is, below ``pages``."""
     return f"{pages}/{quote(os.fsencode(entry.name))}/"
-
-
-def _level(entry: Entry) -> tuple[int, str]:
-    """Return how far an entry is trusted: a key to sort by, and words."""
-    return (list(LEVELS).index(entry.level), LEVELS[entry.level]) if entry.level else (len(LEVELS), NOTHING)
 
 
 def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:

@@ -44,13 +44,13 @@ from endoct.workbench.page.opening import can_be_shown, open_shown
 from endoct.workbench.page.presence import NAMED
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
-    KEPT,
     MANUAL,
     Guard,
     Page,
     allowed_hosts,
     asset,
     few_threads,
+    kept,
     page_app,
     whole_number,
 )
@@ -229,7 +229,7 @@ class Collection:
 
     def called(self, name: object) -> Entry | None:
         """Return the entry of that name, None where there is none."""
-        return next((each for each in self._entries if each.name == name), None)
+        return next((entry for entry in self._entries if entry.name == name), None)
 
     def page(self, entry: Entry, host: str, port: int) -> ASGIApp:
         """Return the application that serves the page of ``entry``."""
@@ -278,8 +278,7 @@ def collection_app(collection: Collection, host: str, port: int) -> Starlette:
 
     def picture(request: Request) -> Response:
         place = whole_number(request.path_params["number"])
-        png = thumbnail(collection.entry(request.path_params["version"], place))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+        return kept(thumbnail(collection.entry(request.path_params["version"], place)), "image/png")
 
     async def page(scope: Scope, receive: Receive, send: Send) -> None:
         await answer_page(collection, host, port, scope, receive, send)
@@ -304,6 +303,5 @@ class _PagesFirst:
         self._app, self._page = app, page
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
         is_page = scope["type"] == "http" and str(scope["path"]).startswith(f"{PAGES}/")
         await (self._page if is_page else self._app)(scope, receive, send)
