@@ -56,8 +56,8 @@ class Verdict:
         """Return the verdict for machines."""
         parts = self.differences
         lists = {"altered": list(parts.altered), "missing": list(parts.missing), "added": list(parts.added)}
-        of = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
-        return {**of, "intact": self.intact, **lists}
+        facts = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
+        return {**facts, "intact": self.intact, **lists}
 
 
 @by_request(VerifyRequest)
@@ -80,8 +80,9 @@ def verify(request: VerifyRequest) -> list[Verdict]:
     if has_mark(path):
         altered = () if is_whole(path) else (path.name,)
         return [Verdict(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
-    outputs = [path] if _is_output(path) else [one for one in _folders(path) if output_at(one) or _looks_like_one(one)]
-    if not outputs and _is_unit(path):
+    below = (folder for folder in _folders(path) if output_at(folder) or _looks_like_one(folder))
+    outputs = [path] if _is_output(path) else list(below)
+    if not outputs and (path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_FILE).is_file()):
         return [_unit_verdict(path, _record(path))]
     if not outputs:
         raise EndoctError(
@@ -89,7 +90,7 @@ def verify(request: VerifyRequest) -> list[Verdict]:
             expected="what `endoct unroll`, compare, simulate, dataset, summarise or bench wrote",
             remedy="check the path",
         )
-    return [_verdict(one, stages) for one in outputs]
+    return [_verdict(output, stages) for output in outputs]
 
 
 def _verdict(path: Path, stages: Stages) -> Verdict:
@@ -142,9 +143,9 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
         files += verdict.files
         size += verdict.bytes
         prefix = "" if unit.place.suffix == ".tar" else f"{unit.place.as_posix()}/"
-        altered += [f"{prefix}{one}" for one in verdict.differences.altered]
-        missing += [f"{prefix}{one}" for one in verdict.differences.missing]
-        added += [f"{prefix}{one}" for one in verdict.differences.added]
+        altered += [f"{prefix}{name}" for name in verdict.differences.altered]
+        missing += [f"{prefix}{name}" for name in verdict.differences.missing]
+        added += [f"{prefix}{name}" for name in verdict.differences.added]
         if len(record.specimens) == 1 and prefix and digest_of(record.files) != record.specimens[0].digest:
             altered.append(f"{RECORDS}/{unit.name}.json")
     if made < identity.count:
@@ -195,10 +196,6 @@ def _looks_like_one(path: Path) -> bool:
 def _folders(path: Path) -> Iterator[Path]:
     if path.is_dir():
         yield from sorted(entry for entry in path.iterdir() if entry.is_dir() and not entry.name.startswith("."))
-
-
-def _is_unit(path: Path) -> bool:
-    return path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_FILE).is_file()
 
 
 def _record(place: Path) -> Record:
