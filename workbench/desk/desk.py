@@ -22,7 +22,7 @@ from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_f
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study
 from endoct.workbench.kinds import output_at
-from endoct.workbench.page.collection import Entry, address_of, thumbnail
+from endoct.workbench.page.collection import ListedOutput, address_of, thumbnail
 from endoct.workbench.page.notes import read_note, write_note
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
@@ -80,7 +80,7 @@ class OpenFolder:
             raise NoSuchTile("there is no such result", found=repr(posted.get("name"))[:80])
         return {"note": write_note(entry.path, posted.get("text"), posted.get("was"))}
 
-    def _entry(self, entry: Entry, number: int, version: str) -> dict[str, Any]:
+    def _entry(self, entry: ListedOutput, number: int, version: str) -> dict[str, Any]:
         compared = self.study.named_by(entry.inputs)
         has_report = entry.row.name == SUMMARY and not entry.fault
         address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""

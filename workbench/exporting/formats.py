@@ -10,12 +10,12 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.requests import ExportRequest, FormatName
 
 if TYPE_CHECKING:
-    from endoct.workbench.exporting.source import Source
+    from endoct.workbench.exporting.source import Exportable
     from endoct.workbench.running.progress import Stages
 
 VOXEL_MM = 0.01
 VERTEX_MM = 0.02
-Writer = Callable[["Source", Path, ExportRequest, "Stages"], dict[str, object]]
+Writer = Callable[["Exportable", Path, ExportRequest, "Stages"], dict[str, object]]
 _TIFF = ".ome.tiff", ".ome.tif", ".tiff", ".tif"
 _WALL = "side", "vertex_mm"
 

@@ -22,9 +22,9 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
 from endoct.fusion.geometry.placement import column_weights, resample
 from endoct.workbench.exporting.formats import VERTEX_MM
-from endoct.workbench.exporting.image_layers import Layer, blocks, contrast_of
+from endoct.workbench.exporting.image_layers import ImageLayer, blocks, contrast_of
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -52,7 +52,7 @@ class Mesh:
     facts: dict[str, object]
 
 
-def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloured: bool) -> Mesh:
+def wall_mesh(source: Exportable, request: ExportRequest, stages: Stages, *, coloured: bool) -> Mesh:
     """Return the wall of a source.
 
     ``request.side`` gives the relief, else the first side that has one; without any relief the wall is the nominal
@@ -96,7 +96,7 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
 class _Vertices:
     """Where the vertices lie: means of samples over ``vertex_mm``, or the samples themselves where these lie wider."""
 
-    def __init__(self, source: Source, vertex_mm: float) -> None:
+    def __init__(self, source: Exportable, vertex_mm: float) -> None:
         grid = source.grid
         self._n_z = grid.n_z
         self._together = max(1, int(vertex_mm / grid.dz_mm + 1e-6))
@@ -114,7 +114,7 @@ class _Vertices:
         self.z_mm: Coordinates = (grid.z_mm[starts] + grid.z_mm[stops - 1]) / 2
         self.step_z_mm, self.step_theta_mm = self._together * grid.dz_mm, share * grid.dtheta_mm
 
-    def sampled(self, layer: Layer, advance: Advance, k: int, n: int) -> Image:
+    def sampled(self, layer: ImageLayer, advance: Advance, k: int, n: int) -> Image:
         """Return a layer at the vertices, NaN where less than half was observed. It is read in blocks of rows."""
         image = np.empty(self._shape, np.float32)
         for first, last in blocks(0, self._shape[0], max(1, 128 // self._together)):
@@ -131,7 +131,7 @@ class _Vertices:
         return np.where(observed, values, np.float32(np.nan))
 
 
-def _relief_layer(source: Source, side: str | None) -> tuple[Layer | None, Layer]:
+def _relief_layer(source: Exportable, side: str | None) -> tuple[ImageLayer | None, ImageLayer]:
     """Return (the layer whose relief the wall has, None for none; a layer of the same side that says what is there)."""
     if side is not None and side not in source.sides:
         raise EndoctError(f"{source.path} has no such side", found=side, expected=" or ".join(source.sides))
@@ -142,7 +142,7 @@ def _relief_layer(source: Source, side: str | None) -> tuple[Layer | None, Layer
     return None, next(layer for layer in source.layers if layer.side == sides[0])
 
 
-def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
+def _colour_layer(source: Exportable, shape_side: str, color: str | None) -> ImageLayer:
     """Return the layer that colours the wall: unless chosen the brightness of the side that it has its shape from."""
     if color == RELIEF or (color is None and source.layer(shape_side, "intensity") is None):
         layer = source.layer(shape_side, RELIEF)
@@ -166,7 +166,7 @@ def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
     return layer
 
 
-def _colours(image: Image, layer: Layer) -> NDArray[np.uint8]:
+def _colours(image: Image, layer: ImageLayer) -> NDArray[np.uint8]:
     """Return sRGB, uint8 (…, 3): brightness in grey, relief in a perceptually even map, pale blue where unknown."""
     low, high = contrast_of(layer)
     known = np.isfinite(image)
@@ -195,7 +195,7 @@ def quads(n_z: int, n_theta: int) -> NDArray[np.int64]:
     return np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
 
 
-def write_ply(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_ply(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary PLY with colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=True)
     save_ply(mesh, path, "bore frame: right-handed, z inward, x right and y down as seen looking in")
@@ -229,7 +229,7 @@ def save_ply(mesh: Mesh, path: Path, frame: str) -> None:
     mark(path)
 
 
-def write_stl(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_stl(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary STL, without colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=False)
     save_stl(mesh, path)
@@ -250,7 +250,7 @@ def save_stl(mesh: Mesh, path: Path) -> None:
     mark(path)
 
 
-def write_glb(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_glb(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary glTF 2.0 with colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=True)
     parts = [mesh.points_mm.astype("<f4"), _linear(mesh.colours), mesh.faces.astype("<u4")]

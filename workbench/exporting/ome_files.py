@@ -21,9 +21,9 @@ from zarr.codecs import BloscCodec
 from endoct.base.files.contents import output_digest
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.image_layers import (
+    ImageLayer,
     LabelLayer,
-    Layer,
-    Level,
+    PyramidLevel,
     blocks,
     contrast_of,
     levels_of,
@@ -31,7 +31,7 @@ from endoct.workbench.exporting.image_layers import (
     thinned,
 )
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import TRUTH, Source
+from endoct.workbench.exporting.source import TRUTH, Exportable
 from endoct.workbench.requests import ExportRequest, OmeVersion
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -50,7 +50,7 @@ Window = Callable[[int, int], NDArray[Any]]
 """From one row to before another, these rows of a layer at a level."""
 
 
-def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_ome_zarr(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the images of ``source`` to the folder ``path``: axes (c, y, x), y along z and x along θ, in mm.
 
     x is the arc on the nominal wall, from θ = 0; its last sample and its first are neighbours. NaN where nothing was
@@ -87,7 +87,11 @@ def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: S
 
 
 def _write_labels(
-    group: zarr.Group, labels: Sequence[LabelLayer], grid: SurfaceGrid, levels: Sequence[Level], version: OmeVersion
+    group: zarr.Group,
+    labels: Sequence[LabelLayer],
+    grid: SurfaceGrid,
+    levels: Sequence[PyramidLevel],
+    version: OmeVersion,
 ) -> None:
     names = [layer.name.replace(" ", "-") for layer in labels]
     below = group.create_group("labels")
@@ -103,7 +107,7 @@ def _write_labels(
 
 
 def _multiscales(
-    name: str, grid: SurfaceGrid, levels: Sequence[Level], first_axes: str, version: OmeVersion
+    name: str, grid: SurfaceGrid, levels: Sequence[PyramidLevel], first_axes: str, version: OmeVersion
 ) -> dict[str, Any]:
     channel = [{"name": axis, "type": "channel"} for axis in first_axes]
     before, at = [1.0] * len(channel), [0.0] * len(channel)
@@ -125,7 +129,7 @@ def _multiscales(
     return {"multiscales": [multiscale if version == "0.5" else {"version": version, **multiscale}]}
 
 
-def _channel(layer: Layer, colour: str) -> dict[str, object]:
+def _channel(layer: ImageLayer, colour: str) -> dict[str, object]:
     """Return how viewers display a layer at first: brightness in the colour of its side; relief on demand."""
     low, high = contrast_of(layer)
     window = {"min": low, "max": high, "start": low, "end": high}
@@ -159,11 +163,11 @@ def _array(group: zarr.Group, name: str, shape: tuple[int, ...], dtype: np.dtype
     return group.create_array(name, shape=shape, dtype=dtype, chunks=sizes, fill_value=fill, **stored)
 
 
-def write_ome_tiff(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_ome_tiff(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the images of ``source`` to one file: float32, NaN where nothing was observed. Returns what was written."""
     del request
 
-    def images(layer: Layer, level: Level) -> Window:
+    def images(layer: ImageLayer, level: PyramidLevel) -> Window:
         return lambda first, last: read_level(layer, level, first, last)
 
     with stages.stage("OME-TIFF") as advance:
@@ -171,7 +175,7 @@ def write_ome_tiff(source: Source, path: Path, request: ExportRequest, stages: S
         return _write_tiff(path, source, layers, np.dtype(np.float32), advance)
 
 
-def write_labels(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_labels(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write masks and ids of cells to one file: uint16, 0 for wall, 1, 2 … as in ``cells.csv``.
 
     A channel for the cells of each side, and one that is 1 where that side observed. Returns what was written.
@@ -179,7 +183,7 @@ def write_labels(source: Source, path: Path, request: ExportRequest, stages: Sta
     del request
     kept: dict[str, NDArray[np.uint16]] = {}
 
-    def labels(layer: LabelLayer, level: Level) -> Window:
+    def labels(layer: LabelLayer, level: PyramidLevel) -> Window:
         if layer.name not in kept:
             kept.clear()  # one at a time: they are read whole, as cells are found around the circle
             kept[layer.name] = layer.read()
@@ -193,8 +197,8 @@ def write_labels(source: Source, path: Path, request: ExportRequest, stages: Sta
 
 def _write_tiff(
     path: Path,
-    source: Source,
-    layers: Sequence[tuple[str, Callable[[Level], Window]]],
+    source: Exportable,
+    layers: Sequence[tuple[str, Callable[[PyramidLevel], Window]]],
     dtype: np.dtype[Any],
     advance: Advance,
 ) -> dict[str, object]:
@@ -203,7 +207,7 @@ def _write_tiff(
     levels = levels if max(source.grid.shape) > LARGE_PX else levels[:1]
     n_rows, n_done = len(names) * sum(level.shape[0] for level in levels), 0
 
-    def rows(level: Level) -> Iterator[NDArray[Any]]:
+    def rows(level: PyramidLevel) -> Iterator[NDArray[Any]]:
         nonlocal n_done
         for _, window in layers:
             read = window(level)
@@ -238,7 +242,7 @@ def _write_tiff(
     return {"channels": names, "shape": shape, "step_mm": step_mm, "levels": len(levels)}
 
 
-def _identifier(source: Source, names: Sequence[str]) -> str:
+def _identifier(source: Exportable, names: Sequence[str]) -> str:
     """Return the UUID that OME wants of a file: of the same the same, without the time and the machine's number."""
     return f"urn:uuid:{uuid5(NAMESPACE_URL, f'endoct:{output_digest(source.folder)}:{names}')}"
 

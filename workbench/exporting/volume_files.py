@@ -33,7 +33,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import VOXEL_MM
 from endoct.workbench.exporting.image_layers import NOWHERE, even_rows
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
@@ -195,7 +195,7 @@ class GzipStream:
         self._file.write(self._deflate.flush() + struct.pack("<II", self._crc, self._size & 0xFFFFFFFF))
 
 
-def volume_of(source: Source, request: ExportRequest) -> Volume:
+def volume_of(source: Exportable, request: ExportRequest) -> Volume:
     """Return the volume of a source. Raises :class:`EndoctError` where it has none."""
     if source.volume is None:
         raise EndoctError(
@@ -217,7 +217,7 @@ def volume_facts(volume: Volume) -> dict[str, object]:
     }
 
 
-def write_nrrd(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_nrrd(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``: axes x, y, z in the space left-posterior-superior, mm. Returns what was written.
 
     Raises :class:`EndoctError` where there is none.
@@ -258,7 +258,7 @@ def _header(volume: Volume) -> str:
     return "\n".join(lines)
 
 
-def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_nifti(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``; sform and qform place it. Returns what was written.
 
     World coordinates of NIfTI run right, anterior, superior (RAS): (−x, −y, z) of the bore frame, which is a half turn

@@ -66,7 +66,7 @@ Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class Entry:
+class ListedOutput:
     """One of a collection: where it lies, ``name`` is its path below the collection with "/", and what is known of it.
 
     ``what`` are its sides, or how it was simulated; the scores are None where there are none; ``cells``: how many
@@ -102,7 +102,7 @@ class Entry:
         return bool(self.row.shown) and not self.fault
 
 
-def entries_in(folder: Path) -> tuple[Entry, ...]:
+def entries_in(folder: Path) -> tuple[ListedOutput, ...]:
     """Return what lies in ``folder``, by name. Links are not followed; what cannot be read says so itself.
 
     Raises :class:`EndoctError` where there is more than anybody could look through.
@@ -119,7 +119,7 @@ def entries_in(folder: Path) -> tuple[Entry, ...]:
     return tuple(sorted(found, key=lambda entry: entry.name))
 
 
-def read_collection(folder: Path) -> tuple[Entry, ...]:
+def read_collection(folder: Path) -> tuple[ListedOutput, ...]:
     """Return what :func:`entries_in` does. Raises :class:`EndoctError` where there is nothing, too."""
     entries = entries_in(folder)
     if not entries:
@@ -139,16 +139,16 @@ def check_no_links(path: Path) -> None:
                 raise EndoctError(f"{Path(below) / name} is a link", expected="what endoct wrote, and nothing else")
 
 
-def _entry(folder: Path, path: Path, row: Kind) -> Entry:
+def _entry(folder: Path, path: Path, row: Kind) -> ListedOutput:
     name = path.relative_to(folder).as_posix()
     try:
-        return Entry(path, name, row, **reader(row.listed)(path))
+        return ListedOutput(path, name, row, **reader(row.listed)(path))
     except EndoctError as error:
-        return Entry(path, name, row, fault=str(error))
+        return ListedOutput(path, name, row, fault=str(error))
 
 
 def listed_comparison(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a comparison."""
+    """Return what an :class:`ListedOutput` says of a comparison."""
     result = read_result(path)
     return {
         "what": " and ".join(result.sides),
@@ -180,7 +180,7 @@ def _cells(result: Result) -> tuple[int, int, int] | None:
 
 
 def listed_panorama(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a panorama."""
+    """Return what an :class:`ListedOutput` says of a panorama."""
     doubts = read_doubts(path)
     return {
         "what": str(read_attributes(path).get("modality", "")),
@@ -192,7 +192,7 @@ def listed_panorama(path: Path) -> dict[str, Any]:
 
 
 def listed_specimen(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a simulated specimen."""
+    """Return what an :class:`ListedOutput` says of a simulated specimen."""
     sample = read_object(path / SAMPLE)
     bore = sample.get("bore")
     bone = bore.get("bone") if isinstance(bore, dict) else None
@@ -202,11 +202,11 @@ def listed_specimen(path: Path) -> dict[str, Any]:
 
 
 def listed_summary(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a summary."""
+    """Return what an :class:`ListedOutput` says of a summary."""
     return {"what": "of many", "written": written_at(path / "summary.json")}
 
 
-def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
+def collection_html(title: str, entries: Sequence[ListedOutput], version: str) -> Markup:
     """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
     titles = [row.title for row in KINDS.values() if row.listed]
     kinds = {title: sum(entry.kind == title for entry in entries) for title in titles}
@@ -230,12 +230,12 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> Marku
     )
 
 
-def address_of(entry: Entry, pages: str = PAGES) -> str:
+def address_of(entry: ListedOutput, pages: str = PAGES) -> str:
     """Return where the page of an entry is, below ``pages``."""
     return f"{pages}/{quote(os.fsencode(entry.name))}/"
 
 
-def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
+def _numbers(entry: ListedOutput) -> Iterator[tuple[str, str, str]]:
     """Yield the numbers of an entry by column: a key to sort by, the text, and its interval."""
     yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
     yield *_number(entry.dice), ""
@@ -252,7 +252,7 @@ def _number(value: float | None) -> tuple[str, str]:
     return f"{value:.9f}", f"{value:.3f}"
 
 
-def thumbnail(entry: Entry) -> bytes:
+def thumbnail(entry: ListedOutput) -> bytes:
     """Return a PNG of what the page of ``entry`` shows first; of a simulated specimen, its true relief.
 
     Raises :class:`EndoctError` where it cannot be read.
