@@ -50,13 +50,13 @@ SCORES: Mapping[str, tuple[str, str]] = {
 
 def score_of(result: Result, name: str) -> Value:
     """Return a score of a result."""
-    value, interval = (_found(result, path) if path else None for path in SCORES[name])
+    value, interval = (_value_at(result, path) if path else None for path in SCORES[name])
     if isinstance(interval, Bounded):
         interval = None if interval.low is None or interval.high is None else (interval.low, interval.high)
     return value, interval
 
 
-def _found(part: Any, path: str) -> Any:
+def _value_at(part: Any, path: str) -> Any:
     for name in path.split("."):
         part = None if part is None else getattr(part, name)
     return part
