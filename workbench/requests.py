@@ -162,18 +162,18 @@ class CompareRequest:
     def asked(self) -> dict[str, str | tuple[str, ...]]:
         """Return what is asked for beyond the defaults, the output left out, as words; panoramas at hand have none."""
         words: dict[str, str | tuple[str, ...]] = {}
-        for each in fields(CompareRequest):
-            value = getattr(self, each.name)
-            if each.name in ("output", "overwrite", "progress") or not value or value == each.default:
+        for field in fields(CompareRequest):
+            value = getattr(self, field.name)
+            if field.name in ("output", "overwrite", "progress") or not value or value == field.default:
                 continue
             if isinstance(value, Mapping):
                 value = [
                     f"{key}={of if isinstance(of, str) else json.dumps(of, default=str)}" for key, of in value.items()
                 ]
             if isinstance(value, str | Path):
-                words[each.name] = path_text(value)
+                words[field.name] = path_text(value)
             elif isinstance(value, Sequence):
-                words[each.name] = tuple(path_text(one) for one in value)
+                words[field.name] = tuple(path_text(one) for one in value)
         return words
 
 

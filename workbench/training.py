@@ -116,7 +116,7 @@ def fitted(examples: list[Example], steps: int, batch: int, seed: int, device: s
     """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    there = [Example(one.channels.to(device), one.cell.to(device)) for one in examples]
+    there = [Example(example.channels.to(device), example.cell.to(device)) for example in examples]
     eye = Eye().to(device)
     optimiser = torch.optim.AdamW(eye.parameters(), RATE, weight_decay=DECAY)
     for step in range(steps):

@@ -38,7 +38,7 @@ _OF_A_KILLED_SAVE = re.compile(rf"({MASKS}/[^/]+/)?\.endoct[-.][^/]+/.+")
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Integrity:
     """What an output is, how much of it was looked at, and what in it is not as it was written."""
 
     path: Path
@@ -56,12 +56,12 @@ class Verdict:
         """Return the verdict for machines."""
         parts = self.differences
         lists = {"altered": list(parts.altered), "missing": list(parts.missing), "added": list(parts.added)}
-        of = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
-        return {**of, "intact": self.intact, **lists}
+        facts = {"path": str(self.path), "kind": self.kind, "files": self.files, "bytes": self.bytes}
+        return {**facts, "intact": self.intact, **lists}
 
 
 @by_request(VerifyRequest)
-def verify(request: VerifyRequest) -> list[Verdict]:
+def verify(request: VerifyRequest) -> list[Integrity]:
     """Check every byte of an output of endoct against the digests noted when it was written.
 
     ``path`` is a panorama, a comparison, a report, an export, a summary, results of the bench, a specimen, a data set
@@ -79,9 +79,10 @@ def verify(request: VerifyRequest) -> list[Verdict]:
         return [_page(path)]
     if has_mark(path):
         altered = () if is_whole(path) else (path.name,)
-        return [Verdict(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
-    outputs = [path] if _is_output(path) else [one for one in _folders(path) if output_at(one) or _looks_like_one(one)]
-    if not outputs and _is_unit(path):
+        return [Integrity(path, EXPORT, 1, path.stat().st_size, Differences(altered=altered))]
+    below = (folder for folder in _folders(path) if output_at(folder) or _looks_like_one(folder))
+    outputs = [path] if _is_output(path) else list(below)
+    if not outputs and (path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_FILE).is_file()):
         return [_unit_verdict(path, _record(path))]
     if not outputs:
         raise EndoctError(
@@ -89,18 +90,20 @@ def verify(request: VerifyRequest) -> list[Verdict]:
             expected="what `endoct unroll`, compare, simulate, dataset, summarise or bench wrote",
             remedy="check the path",
         )
-    return [_verdict(one, stages) for one in outputs]
+    return [_verdict(output, stages) for output in outputs]
 
 
-def _verdict(path: Path, stages: Stages) -> Verdict:
+def _verdict(path: Path, stages: Stages) -> Integrity:
     with stages.stage(f"verify {path.name}") as advance:
         contents = read_contents(path)
         if contents is None and (path / DATA_SET_FILE).is_file():
             return _data_set(path, advance)
         if contents is None:
-            return Verdict(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
+            return Integrity(path, "output without its list", 0, 0, Differences(missing=(LIST_NAME,)))
         size = sum(n_bytes for n_bytes, _ in contents.files.values())
-        return Verdict(path, contents.kind, len(contents.files), size, _without_own(path, differences(path, contents)))
+        return Integrity(
+            path, contents.kind, len(contents.files), size, _without_own(path, differences(path, contents))
+        )
 
 
 def _without_own(folder: Path, found: Differences) -> Differences:
@@ -116,12 +119,12 @@ def _without_own(folder: Path, found: Differences) -> Differences:
     return replace(found, added=tuple(name for name in found.added if name not in own))
 
 
-def _page(path: Path) -> Verdict:
+def _page(path: Path) -> Integrity:
     changed = () if is_marked(path) else (path.name,)
-    return Verdict(path, REPORT, 1, path.stat().st_size, Differences(altered=changed))
+    return Integrity(path, REPORT, 1, path.stat().st_size, Differences(altered=changed))
 
 
-def _data_set(root: Path, advance: Advance) -> Verdict:
+def _data_set(root: Path, advance: Advance) -> Integrity:
     """Judge a data set by its records: every specimen or shard, and the files at its top."""
     identity = read_identity(root)
     units = [_unit(identity, path) for path in sorted((root / RECORDS).glob("*.json"))]
@@ -129,7 +132,7 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
     missing += [name for name in (WRITTEN, *TOP_FILES) if not (root / name).is_file()]
     made = files = size = 0
 
-    def check(unit: Unit) -> tuple[Record | None, Verdict | None]:
+    def check(unit: Unit) -> tuple[Record | None, Integrity | None]:
         record = read_record(root, unit)
         return record, None if record is None else _unit_verdict(root / unit.place, record)
 
@@ -142,14 +145,14 @@ def _data_set(root: Path, advance: Advance) -> Verdict:
         files += verdict.files
         size += verdict.bytes
         prefix = "" if unit.place.suffix == ".tar" else f"{unit.place.as_posix()}/"
-        altered += [f"{prefix}{one}" for one in verdict.differences.altered]
-        missing += [f"{prefix}{one}" for one in verdict.differences.missing]
-        added += [f"{prefix}{one}" for one in verdict.differences.added]
+        altered += [f"{prefix}{name}" for name in verdict.differences.altered]
+        missing += [f"{prefix}{name}" for name in verdict.differences.missing]
+        added += [f"{prefix}{name}" for name in verdict.differences.added]
         if len(record.specimens) == 1 and prefix and digest_of(record.files) != record.specimens[0].digest:
             altered.append(f"{RECORDS}/{unit.name}.json")
     if made < identity.count:
         missing.append(f"{identity.count - made} specimens")
-    return Verdict(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
+    return Integrity(root, DATA_SET, files, size, Differences(tuple(altered), tuple(missing), tuple(added)))
 
 
 def _others(root: Path, units: Sequence[Unit]) -> list[str]:
@@ -169,14 +172,14 @@ def _unit(identity: Identity, record: Path) -> Unit:
     return Unit(record.stem, place, ())
 
 
-def _unit_verdict(place: Path, record: Record) -> Verdict:
+def _unit_verdict(place: Path, record: Record) -> Integrity:
     size = sum(n_bytes for n_bytes, _ in record.files.values())
     if place.suffix == ".tar":
         whole = Differences() if _is_shard(place, record) else Differences(altered=(f"shards/{place.name}",))
-        return Verdict(place, "shard", 1, size, whole)
+        return Integrity(place, "shard", 1, size, whole)
     contents = Contents(SPECIMEN, record.files)
     parts = differences(place, contents) if place.is_dir() else Differences(missing=(place.name,))
-    return Verdict(place, SPECIMEN, len(record.files), size, parts)
+    return Integrity(place, SPECIMEN, len(record.files), size, parts)
 
 
 def _is_shard(place: Path, record: Record) -> bool:
@@ -195,10 +198,6 @@ def _looks_like_one(path: Path) -> bool:
 def _folders(path: Path) -> Iterator[Path]:
     if path.is_dir():
         yield from sorted(entry for entry in path.iterdir() if entry.is_dir() and not entry.name.startswith("."))
-
-
-def _is_unit(path: Path) -> bool:
-    return path.parent.name in ("specimens", "shards") and (path.parent.parent / DATA_SET_FILE).is_file()
 
 
 def _record(place: Path) -> Record:

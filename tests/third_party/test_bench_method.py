@@ -28,7 +28,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 def test_it_is_on_the_bench_beside_the_others(installed: None) -> None:
     task = load_task("segmentation")
-    names = check_names(task, ["behind-median", "li-raw"])
+    names = check_names(task, ["behind-median", "otsu"])
     assert "endoct-behind-median 0.1.0" in origin(task, "behind-median")
     ranges = {**task.ranges, "recipe": ("made",), "signal_db": (20.0, 20.0)}
     rows = run(Plan(task.name, names, (1, 2, 3), 1, ranges), workers=1, advance=lambda _: None)

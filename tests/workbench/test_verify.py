@@ -14,7 +14,7 @@ from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.plan import Plan
 from endoct.workbench.page.report import write_report
 from endoct.workbench.running.outputs import COMPARISON
-from endoct.workbench.verifying import Verdict, verify
+from endoct.workbench.verifying import Integrity, verify
 
 SET = Plan(4, seed=3)
 SHARDS = Plan(4, seed=3, format="webdataset", specimens_per_shard=2)
@@ -34,7 +34,7 @@ def comparison(original: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(original, tmp_path / "result"))
 
 
-def only(path: Path) -> Verdict:
+def only(path: Path) -> Integrity:
     (verdict,) = verify(path)
     return verdict
 

@@ -189,8 +189,7 @@ def with_programs(task: AnyTask, programs: Mapping[str, str]) -> AnyTask:
             raise EndoctError(f"the command of '{name}' cannot be read", found=str(error)) from error
         if not words:
             raise EndoctError(f"the program '{name}' has no command", expected="NAME=COMMAND")
-    exchange = task.exchange
-    methods = {name: Program(command, exchange) for name, command in programs.items()}
+    methods = {name: Program(command, task.exchange) for name, command in programs.items()}
     return replace(task, methods={**task.methods, **methods})
 
 
@@ -212,10 +211,10 @@ def write_given(folder: Path, facts: Mapping[str, object], **arrays: NDArray[Any
     (folder / GIVEN).write_text(json.dumps(facts, indent=1), encoding="utf-8")
     for name, array in arrays.items():
         if array is not None:
-            np.save(folder / f"{name}.npy", array, allow_pickle=False)
+            write_array(name, array, folder)
 
 
-def write_panorama(folder: Path, panorama: Panorama) -> None:
+def write_panorama(panorama: Panorama, folder: Path) -> None:
     """Write a panorama as ``intensity.npy``, ``valid.npy``, ``depth_mm.npy`` where there is depth, and its places."""
     facts = {
         "modality": panorama.modality,
@@ -228,14 +227,22 @@ def write_panorama(folder: Path, panorama: Panorama) -> None:
     write_given(folder, facts, intensity=panorama.intensity, valid=panorama.valid, depth_mm=panorama.depth_mm)
 
 
+def write_panoramas(panoramas: Mapping[str, Panorama], folder: Path) -> None:
+    """Write panoramas into folders of their own, by name."""
+    for name, panorama in panoramas.items():
+        (folder / name).mkdir()
+        write_panorama(panorama, folder / name)
+
+
 def write_answer(folder: Path, said: Mapping[str, object]) -> None:
-    """Write ``answer.json``."""
-    (folder / ANSWER).write_text(json.dumps(said, default=_plain), encoding="utf-8")
+    """Write ``answer.json``; numbers and arrays of NumPy become JSON's."""
+    text = json.dumps(said, default=lambda value: value.tolist())
+    (folder / ANSWER).write_text(text, encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
-    """Return a number or an array of NumPy as JSON has it."""
-    return value.tolist()
+def write_array(name: str, array: NDArray[Any], folder: Path) -> None:
+    """Write an array of the answer as ``NAME.npy``."""
+    np.save(folder / f"{name}.npy", array, allow_pickle=False)
 
 
 def read_answer(folder: Path) -> dict[str, Any]:

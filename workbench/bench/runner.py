@@ -4,7 +4,6 @@ The cases are chosen by seeds and by the ranges that conditions are drawn from.
 """
 
 import difflib
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +13,6 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-from endoct.base.entry_points import Function
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.apart import apart, seed_global_generators
 from endoct.workbench.bench.program import with_programs
@@ -102,13 +100,12 @@ def run(
     Cases and scores do not depend on ``workers``, the processes that share them. ``finished`` holds the rows of
     sources, by their place in the plan, that need not be run again; ``keep`` is given those of each as it is done.
     A method that raises, or cannot be imported, has failed and stops nothing; one whose library is not installed is
-    missing. Raises :class:`EndoctError` where a
-    case cannot be made, or a method kills its whole process.
+    missing. Raises :class:`EndoctError` where a case cannot be made, or a method kills its whole process.
     """
     rows = dict(finished or {})
     wanted = {place: source for place, source in enumerate(plan.sources) if place not in rows}
-    runs = _run_here(plan, wanted, advance) if workers == 1 else _run_by_processes(plan, wanted, workers, advance)
-    for place, new in runs:
+    run_all = _run_here if workers == 1 else partial(_run_by_processes, workers=workers)
+    for place, new in run_all(plan, wanted, advance):
         rows[place] = new
         if keep is not None:
             keep(place, new)
@@ -117,15 +114,11 @@ def run(
 
 def _run_here(plan: Plan, wanted: Mapping[int, Source], advance: Advance) -> Iterator[tuple[int, list[Row]]]:
     for done, (place, source) in enumerate(wanted.items()):
-        yield place, run_source(plan, source, partial(_advance_within, advance, done, len(wanted)))
-
-
-def _advance_within(advance: Advance, done: int, of: int, share: float) -> None:
-    advance((done + share) / of)
+        yield place, run_source(plan, source, lambda share: advance((done + share) / len(wanted)))  # noqa: B023
 
 
 def _run_by_processes(
-    plan: Plan, wanted: Mapping[int, Source], workers: int, advance: Advance
+    plan: Plan, wanted: Mapping[int, Source], advance: Advance, workers: int
 ) -> Iterator[tuple[int, list[Row]]]:
     from distributed import KilledWorker, as_completed
 
@@ -184,7 +177,7 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
         seed_global_generators(case.name)
         start, cpu_start = time.perf_counter(), _cpu_s()
         try:
-            answer = _call(method, case)
+            answer = method(*case.given) if isinstance(case.given, tuple) else method(case.given)
         finally:
             seconds, cpu_seconds = time.perf_counter() - start, _cpu_s() - cpu_start
         scores = _judged(task, case, answer)
@@ -197,10 +190,6 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
         if isinstance(error, ModuleNotFoundError) and not (error.name or "endoct").startswith("endoct"):
             status, reason = "missing", f"{error.name} is not installed"
     return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
-
-
-def _call(method: Function, case: AnyCase) -> object:
-    return method(*case.given) if isinstance(case.given, tuple) else method(case.given)
 
 
 def _judged(task: AnyTask, case: AnyCase, answer: object) -> dict[str, float]:
@@ -250,14 +239,17 @@ def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> 
     that are not in ``wanted`` stay at the middle of their range, or at their first word. Raises :class:`EndoctError`
     for a condition that the task does not have, or a range that cannot be drawn from.
     """
-    ranges = {**task.ranges, **task.usual}
+    ranges, known = {**task.ranges, **task.usual}, {**task.optional, **task.ranges}
     texts = range_texts(wanted, "condition")
+    for name in [*texts, *([sweep] if sweep is not None else [])]:
+        if name not in known:
+            nearest = difflib.get_close_matches(name, known, 1, cutoff=0.4)
+            expected = f"'{nearest[0]}'" if nearest else ", ".join(task.ranges) or "none: it varies nothing"
+            raise EndoctError(f"'{name}' is no condition of '{task.name}'", expected=expected)
     for name, text in texts.items():
-        _check_name(name, task)
-        ranges[name] = _range(name, text, _all(task)[name])
+        ranges[name] = _range(name, text, known[name])
     if sweep is not None:
-        _check_name(sweep, task)
-        ranges.setdefault(sweep, _all(task)[sweep])
+        ranges.setdefault(sweep, known[sweep])
         for name in ranges.keys() - texts.keys() - {sweep}:
             ranges[name] = middle(ranges[name])
     return ranges
@@ -269,17 +261,6 @@ def middle(range_: Range) -> Range:
         return (known[0],)
     value = sum(number for number in range_ if not isinstance(number, str)) / 2
     return value, value
-
-
-def _all(task: AnyTask) -> Mapping[str, Range]:
-    return {**task.optional, **task.ranges}
-
-
-def _check_name(name: str, task: AnyTask) -> None:
-    if name not in _all(task):
-        nearest = difflib.get_close_matches(name, _all(task), 1, cutoff=0.4)
-        known = f"'{nearest[0]}'" if nearest else ", ".join(task.ranges)
-        raise EndoctError(f"'{name}' is no condition of '{task.name}'", expected=known or "none: it varies nothing")
 
 
 def _is_seed(text: str) -> bool:
@@ -295,6 +276,6 @@ def _range(name: str, text: str, usual: Range) -> Range:
     range_ = numbers(text)
     if range_ is None:
         raise EndoctError("a condition cannot be read", found=f"'{name}={text}'", expected="name=low..high")
-    if not (all(map(math.isfinite, range_)) and range_[0] <= range_[1]):
+    if not (all(map(isfinite, range_)) and range_[0] <= range_[1]):
         raise EndoctError("a condition cannot be drawn", found=f"'{name}={text}'", expected="name=low..high, low first")
     return range_

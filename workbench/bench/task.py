@@ -90,16 +90,16 @@ class Exchange(Generic[Given, Answer]):
 
     Attributes
     ----------
-    files: what both folders hold, for people who write one.
     write: ``write(given, folder)`` writes what a method is called with, and nothing that leads to the truth.
     read: ``read(given, folder)`` returns the answer; raises where it is none.
     answer: ``answer(answer, folder)`` writes what a method in Python answered, so that ``read`` returns it.
+    files: what both folders hold, for people who write a program.
     """
 
-    files: str
     write: Callable[[Given, Path], None]
     read: Callable[[Given, Path], Answer]
     answer: Callable[[Answer, Path], None]
+    files: str = ""
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,9 @@ def check_names(task: AnyTask, wanted: Sequence[str]) -> tuple[str, ...]:
     """Return ``wanted``, or all methods of ``task`` where none is. Raises :class:`EndoctError` for an unknown one."""
     known = method_names(task)
     if not known:
-        raise EndoctError(f"no method is registered for '{task.name}'", remedy=f"register one under {_group(task)}")
+        raise EndoctError(
+            f"no method is registered for '{task.name}'", remedy=f"register one under {GROUP}.{task.name}"
+        )
     for name in wanted:
         if name not in known:
             unknown_name(name, known, _kind(task), remedy=INSTALL)
@@ -238,12 +240,8 @@ def module_of(task: AnyTask, name: str) -> str:
     return "endoct" if name in task.methods else entry_named(name, _registered(task), _kind(task)).module
 
 
-def _group(task: AnyTask) -> str:
-    return f"{GROUP}.{task.name}"
-
-
 def _registered(task: AnyTask) -> EntryPoints:
-    return entry_points(group=_group(task))
+    return entry_points(group=f"{GROUP}.{task.name}")
 
 
 def _kind(task: AnyTask) -> str:

@@ -102,7 +102,7 @@ def _toml(measured: Measurement, recording: Path, target: Path) -> str:
         *(f"# DOUBT {doubt.code}: {doubt.what}" for doubt in measured.doubts),
     ]
     keys = {name: _rounded(value) for name, value in measured.keys.items()}
-    errors = {name: _significant(value) for name, value in measured.standard_errors.items()}
+    errors = {name: float(f"{value:.2g}") for name, value in measured.standard_errors.items()}
     return "\n".join(lines) + "\n\n" + tomlkit.dumps({**keys, "standard_errors": errors})
 
 
@@ -114,10 +114,6 @@ def _rounded(value: object) -> object:
     if isinstance(value, Mapping):
         return {name: _rounded(each) for name, each in value.items()}
     return value
-
-
-def _significant(value: float) -> float:
-    return float(f"{value:.2g}")
 
 
 def figure_path(output: Path) -> Path:

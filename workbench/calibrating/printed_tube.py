@@ -14,7 +14,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import new_output
 from endoct.modalities.tube.target import Target
-from endoct.workbench.exporting.mesh_files import Mesh, save_stl
+from endoct.workbench.exporting.mesh_files import Mesh, quads, save_stl
 from endoct.workbench.requests import TargetRequest, by_request
 from endoct.workbench.running.outputs import TUBE
 
@@ -82,33 +82,19 @@ def tube_mesh(tube: Target) -> Mesh:
         flat = np.where(np.cos(theta) > 0, (tube.outer_diameter_mm / 2 - FLAT_MM) / np.cos(theta), np.inf)
     outer[on_flat] = np.minimum(outer[on_flat], flat)
     points = np.concatenate([_cylinder(inner, z, theta), _cylinder(outer, z, theta)])
-    n = inner.size
-    ring = np.arange(N_AROUND)
-    following = np.roll(ring, -1)
-    last = n - N_AROUND
-    faces = np.concatenate(
-        [
-            _quads(inner.shape)[:, ::-1],
-            _quads(inner.shape) + n,
-            _between(ring, following, ring + n, following + n),
-            _between(following + last, ring + last, following + last + n, ring + last + n),
-        ]
-    )
-    return Mesh(
-        points.astype(np.float32), np.zeros((len(points), 3), np.uint8), faces.astype(np.int32), {"faces": len(faces)}
-    )
+    n, ring, corners = inner.size, np.arange(N_AROUND), quads(*inner.shape)
+    following, last = np.roll(ring, -1), n - N_AROUND
+    outward = np.concatenate([corners[:, (3, 2, 1)], corners[:, (2, 0, 1)]])
+    at_mouth = _between(ring, following, ring + n, following + n)
+    at_end = _between(following + last, ring + last, following + last + n, ring + last + n)
+    faces = np.concatenate([outward[:, ::-1], outward + n, at_mouth, at_end])
+    grey = np.zeros((len(points), 3), np.uint8)
+    return Mesh(points.astype(np.float32), grey, faces.astype(np.int32), {"faces": len(faces)})
 
 
 def _cylinder(radius_mm: Coordinates, z_mm: Coordinates, theta: Coordinates) -> Coordinates:
     z = np.broadcast_to(z_mm[:, None], radius_mm.shape)
     return np.stack([radius_mm * np.cos(theta), radius_mm * np.sin(theta), z], axis=-1).reshape(-1, 3)
-
-
-def _quads(shape: tuple[int, ...]) -> NDArray[np.intp]:
-    """Return the triangles of a cylinder, facing away from its axis."""
-    here = np.arange(shape[0] * shape[1]).reshape(shape)
-    following = np.roll(here, -1, axis=1)
-    return _between(following[1:].ravel(), here[1:].ravel(), following[:-1].ravel(), here[:-1].ravel())
 
 
 def _between(a: NDArray[np.intp], b: NDArray[np.intp], c: NDArray[np.intp], d: NDArray[np.intp]) -> NDArray[np.intp]:

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,3 +118,13 @@ def print_json(value: object) -> None:
     """Print ``value`` as JSON, escaped where the terminal's encoding lacks letters."""
     has_all_letters = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
     print(json_text(value) if has_all_letters else json.dumps(value, indent=1))  # noqa: T201
+
+
+def print_either(facts: object, lines: Iterable[str], *, as_json: bool) -> int:
+    """Print ``facts`` as JSON, or else ``lines`` for people; return the exit status."""
+    if as_json:
+        print_json(facts)
+    else:
+        for line in lines:
+            print_line(line)
+    return DONE

@@ -113,8 +113,8 @@ def _print(result: "PoseResult") -> None:
     )
     for name, roll in summary.roll_deg.items():
         print_line(f"roll of {name}: θ = 0 lies at {estimate_text(roll, 0)}° about the axis")
-    for one in summary.clearances:
-        print_line(f"{one.name}: {estimate_text(one.distance_mm)} mm from the bore")
+    for clearance in summary.clearances:
+        print_line(f"{clearance.name}: {estimate_text(clearance.distance_mm)} mm from the bore")
     print_line(f"In brackets: 95 % intervals. {NOTICE}")
 
 

@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.scratch import new_file
-from endoct.workbench.commands.console import command_stages, print_json, print_line
+from endoct.workbench.commands.console import command_stages, print_either, print_json, print_line
 from endoct.workbench.requests import OutputPath
 from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 
@@ -31,17 +31,16 @@ def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = 
 
     made = make_set(output, SET, size="full" if full else "small", workers=workers, stages=command_stages(json))
     published = shipped_entries(SET)
-    known = [one for one in made.specimens if one.name in published]
+    known = [specimen for specimen in made.specimens if specimen.name in published]
     equal = sum(one.digest == published[one.name].digest for one in known)
     missing = sorted({kind.generator for kind in load_definition(SET).kinds} - set(WRITERS))
-    if json:
-        facts = {"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest}
-        print_json({**facts, "published": len(known), "equal": equal})
-        return DONE
-    print_line(f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)")
-    print_line(f"of {len(known)} published ones {equal} are equal to the bit, {len(known) - equal} but for rounding")
-    print_line(f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes")
-    return DONE
+    facts = {"output": path_text(output), "specimens": len(made.specimens), "digest": made.digest}
+    lines = [
+        f"set: {output} ({len(made.specimens)} specimens, digest {made.digest[:16]}…)",
+        f"of {len(known)} published ones {equal} are equal to the bit, {len(known) - equal} but for rounding",
+        f"left out: specimens of the {', '.join(missing)} generator, which a source checkout makes",
+    ]
+    return print_either({**facts, "published": len(known), "equal": equal}, lines, as_json=json)
 
 
 def layout(
@@ -63,11 +62,8 @@ def layout(
     from endoct.workbench.bench.published.examples import write_layout
 
     n_examples = write_layout(data, output, to, overwrite=overwrite, stages=command_stages(json))
-    if json:
-        print_json({"output": path_text(output), "examples": n_examples})
-        return DONE
-    print_line(f"{to}: {output} ({n_examples} examples)")
-    return DONE
+    facts = {"output": path_text(output), "examples": n_examples}
+    return print_either(facts, [f"{to}: {output} ({n_examples} examples)"], as_json=json)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,17 +106,13 @@ class Submit:
             overwrite=self.overwrite,
             stages=command_stages(self.json),
         )
-        if self.json:
-            facts = {"output": path_text(self.output), "data": submission.data_digest, "rows": len(submission.rows)}
-            print_json(facts)
-            return DONE
-        for name, reason in submission.left_out.items():
-            print_line(f"left out: {name}, because {reason}")
-        print_line(
+        facts = {"output": path_text(self.output), "data": submission.data_digest, "rows": len(submission.rows)}
+        lines = [f"left out: {name}, because {reason}" for name, reason in submission.left_out.items()]
+        lines.append(
             f"submission: {self.output} ({len(submission.methods)} methods on {len(submission.specimens)} specimens, "
             f"data {submission.data_digest[:16]}…)"
         )
-        return DONE
+        return print_either(facts, lines, as_json=self.json)
 
 
 def check(
@@ -167,8 +159,8 @@ def check(
     counts = {verdict: checked.count(verdict) for verdict in ("equal", "near", "different")}
     if json:
         reruns = [
-            {"verdict": one.verdict, "stated": one.stated.model_dump(), "again": one.again.model_dump()}
-            for one in checked.reruns
+            {"verdict": rerun.verdict, "stated": rerun.stated.model_dump(), "again": rerun.again.model_dump()}
+            for rerun in checked.reruns
         ]
         programs = {
             name: {"stated": checked.submission.programs[name], "here": here or None}
@@ -211,11 +203,9 @@ def board(
     from endoct.workbench.bench.published.board import write_board
 
     boards = write_board(folder, output, receipts=receipts, overwrite=overwrite)
-    if json:
-        print_json({one.task: [asdict(loss) for loss in one.losses()] for one in boards})
-        return DONE
+    facts = {one.task: [asdict(loss) for loss in one.losses()] for one in boards}
+    lines = []
     for one in boards:
         beaten = ", ".join(f"{loss.method} ({loss.generator}, {loss.side or 'all'})" for loss in one.losses())
-        print_line(f"{one.task}: {len(one.entrants)} methods; endoct is beaten by {beaten or 'none'}")
-    print_line(f"board: {output}")
-    return DONE
+        lines.append(f"{one.task}: {len(one.entrants)} methods; endoct is beaten by {beaten or 'none'}")
+    return print_either(facts, [*lines, f"board: {output}"], as_json=json)

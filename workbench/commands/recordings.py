@@ -10,6 +10,7 @@ from endoct.workbench.commands.console import (
     TextConsole,
     command_stages,
     print_doubts,
+    print_either,
     print_json,
     print_line,
     status_of,
@@ -81,12 +82,7 @@ class Info(InfoRequest):
         if self.write_sidecar:
             return _write_sidecar(self)
         facts = describe(self.path, self.modality)
-        if self.json:
-            print_json(facts)
-        else:
-            for line in in_lines(facts):
-                print_line(line)
-        return DONE
+        return print_either(facts, in_lines(facts), as_json=self.json)
 
 
 def _write_sidecar(request: InfoRequest) -> int:
@@ -148,7 +144,7 @@ class Calibrate(CalibrateRequest):
                     "figure": path_text(figure_path(output)),
                     "keys": dict(measured.keys),
                     "standard_errors": dict(measured.standard_errors),
-                    "quantities": [vars(each) for each in measured.quantities],
+                    "quantities": [vars(quantity) for quantity in measured.quantities],
                     "doubts": [doubt.to_json() for doubt in measured.doubts],
                 }
             )

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from endoct.base.errors import EndoctError
 from endoct.synthetic.sample.presets import PresetName
-from endoct.workbench.commands.console import command_stages, print_json, print_line, print_result
+from endoct.workbench.commands.console import command_stages, print_either, print_line, print_result
 from endoct.workbench.commands.poses import print_pose
 from endoct.workbench.requests import UNSET, OutputPath, Ranges, SimulateRequest
 from endoct.workbench.running.refusals import DONE
@@ -106,12 +106,7 @@ class Dataset:
         facts, lines = run_dataset(
             self.output, plan, workers=self.workers, scheduler=self.scheduler, dry_run=self.dry_run, stages=stages
         )
-        if self.json:
-            print_json(facts)
-        else:
-            for line in lines:
-                print_line(line)
-        return DONE
+        return print_either(facts, lines, as_json=self.json)
 
 
 def warm_up() -> int:

@@ -5,9 +5,10 @@ import math
 import os
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from threading import Event
 
@@ -19,8 +20,8 @@ from endoct.base.files.scratch import HeldError, TemporaryFolder, clear_dead_scr
 from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.identity import check_identity, write_identity
-from endoct.workbench.dataset.overview import LICENCE, MANIFEST, SHEET, readme, write_contact_sheet, write_manifest
-from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_of, units
+from endoct.workbench.dataset.overview import MANIFEST, SHEET, readme, text, write_contact_sheet, write_manifest
+from endoct.workbench.dataset.plan import Plan, Unit, job, split_counts, units
 from endoct.workbench.dataset.set_files import (
     DAMAGED,
     RECORDS,
@@ -30,7 +31,7 @@ from endoct.workbench.dataset.set_files import (
     settle_written,
     top_file,
 )
-from endoct.workbench.dataset.unit_files import Done, Make, make_here, make_on, make_unit, simulate_specimen
+from endoct.workbench.dataset.unit_files import Done, Make, make_on, make_unit, simulate_specimen
 from endoct.workbench.running.outputs import DATA_SET_FILE
 from endoct.workbench.running.progress import SilentStages, Stages
 from endoct.workbench.running.refusals import refusing_disk_errors
@@ -145,7 +146,7 @@ def forecast(
     with stages.stage("one specimen for the estimate"), TemporaryFolder("dry-run") as folder:
         trial = replace(plan, count=1)
         unit = next(units(trial))
-        _warm_up()
+        import_module("endoct.synthetic.specimen_files")  # what every process loads once is no part of that time
         done = make_unit(Path(folder), trial, unit, make)
         record = finished(Path(folder), trial, unit)
         files_a_unit = 1 + (len(record.files) if record is not None else 0)
@@ -188,13 +189,11 @@ def _begun(root: Path, plan: Plan) -> Iterator[Event]:
 
     def leave_nothing() -> None:
         if made and not handed_out.is_set() and not any((root / RECORDS).glob("*.json")):
-            _remove_begun(root)
-            remove_made()
-
-    def remove_made() -> None:
-        for folder in made:
-            with suppress(OSError):  # not empty
-                folder.rmdir()
+            _clear(root)
+            for name in (*TOP_FILES, WRITTEN, LOCK_NAME):
+                (root / name).unlink(missing_ok=True)
+            _remove_empty(path for path in root.iterdir() if path.is_dir())
+            _remove_empty(made)
 
     made = [folder for folder in (root, *root.parents) if not folder.exists()]
     try:
@@ -203,9 +202,9 @@ def _begun(root: Path, plan: Plan) -> Iterator[Event]:
             check_identity(root, plan)  # again: another run may have begun one just now
             try:
                 write_identity(root, plan)
-                for name, text in (("LICENSE", LICENCE), ("README.md", readme(plan))):
+                for name, said in (("LICENSE", text("LICENSE")), ("README.md", readme(plan))):
                     with top_file(root, name) as file:
-                        file.write(text.encode())
+                        file.write(said.encode())
                 yield handed_out
             finally:
                 leave_nothing()
@@ -215,7 +214,7 @@ def _begun(root: Path, plan: Plan) -> Iterator[Event]:
             f"another run is at work in {root}", found=str(error), remedy="wait for that, or end it"
         ) from error
     finally:
-        remove_made()  # where it came to nothing before anything was begun
+        _remove_empty(made)  # where it came to nothing before anything was begun
 
 
 def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
@@ -238,12 +237,8 @@ def _clear(root: Path) -> None:
             clear_dead_scratch(folder)
 
 
-def _remove_begun(root: Path) -> None:
-    """Remove what was begun of a set without a specimen, and nothing else that may lie there."""
-    _clear(root)
-    for name in (*TOP_FILES, WRITTEN, LOCK_NAME):
-        (root / name).unlink(missing_ok=True)
-    for folder in (path for path in root.iterdir() if path.is_dir()):
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
         with suppress(OSError):  # something lies in it
             folder.rmdir()
 
@@ -257,7 +252,7 @@ def _makers(
     Workers of somebody else's cluster finish what they are at, whatever becomes of this run: then the set stays begun.
     """
     if scheduler is None and workers == 1:
-        yield make_here(root, plan, missing, make)
+        yield (make_unit(root, plan, unit, make) for unit in missing)
         return
     from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
@@ -268,11 +263,6 @@ def _makers(
     else:
         with own_cluster(min(workers, len(missing))) as client:
             yield make_on(client, root, plan, missing, make)
-
-
-def _warm_up() -> None:
-    """Load what every process loads once, which is no part of the time that one specimen takes."""
-    import endoct.synthetic.specimen_files  # noqa: F401
 
 
 def run_dataset(
@@ -300,10 +290,7 @@ def _dry_run(
     output: Path, plan: Plan, workers: int | None, scheduler: str | None, stages: Stages
 ) -> tuple[dict[str, object], list[str]]:
     reckoned = forecast(output, plan, workers=workers, scheduler=scheduler, stages=stages)
-    counts = dict.fromkeys(SPLITS, 0)
-    for index in range(plan.count):
-        counts[split_of(plan, index)] += 1
-    size = PRESETS[plan.preset]
+    counts, size = split_counts(plan), PRESETS[plan.preset]
     drawn = dict(size.ranges) | dict(plan.ranges)
     facts = {
         "output": str(output),

@@ -6,6 +6,7 @@ The contact sheet is a picture of some specimens, to look at before anything is 
 import csv
 import heapq
 from collections.abc import Iterator
+from importlib.resources import files
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.dataset.loader import Specimens
-from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_of, units
+from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_counts, split_of, units
 from endoct.workbench.dataset.set_files import MadeSpecimen, Scalar, read_record, top_file
 from endoct.workbench.settings import ranges_text
 
@@ -25,50 +26,6 @@ MANIFEST = "manifest.csv"
 SHEET = "contact_sheet.png"
 N_SPECIMENS = 8
 TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
-LICENCE = """\
-SPDX-License-Identifier: CC0-1.0
-
-Creative Commons CC0 1.0 Universal, Public Domain Dedication
-https://creativecommons.org/publicdomain/zero/1.0/
-
-To the extent possible under law, the person who generated this data set has waived all copyright and related or
-neighbouring rights to it: to the simulated recordings, their truth and labels, the manifest and the pictures. You
-can copy, modify and distribute them and use them in any way, also commercially, without asking permission. They come
-without warranty. The legal code is at https://creativecommons.org/publicdomain/zero/1.0/legalcode
-
-This says nothing of the program that generated the data set, which has a licence of its own.
-"""
-README = """\
-# {count} simulated specimens, preset {preset}, seed {seed}
-
-Each specimen is a drill hole in bone, recorded by a cone-mirror endoscope and by a catheter OCT, with its truth. All
-of it is simulated; no recording of a real bore is in it. Public domain, see LICENSE. Look at `contact_sheet.png` first.
-
-- `manifest.csv`: a line a specimen: index, name, split, seed, bore, bore_seed, digest, path, and every drawn number
-  and word as `part.name`. Angles are in rad, lengths in mm, as the names say.
-- {splits}. Splits are by bore: no two show the same one{bores}.
-- `dataset.json`: the arguments and versions it was made with. Drawn otherwise than by preset: {vary}.
-- {layout}
-- `records/`: sha256 of every file, by which an interrupted `endoct dataset` knows what is finished.
-  A specimen's digest is the sha256 of the lines of `sha256sum` over its files, sorted by path.
-
-Bore frame, right-handed: z in mm along the bore, growing inward from the mouth; θ = atan2(y, x) in rad, clockwise
-when looking in; r in mm from the axis. Axis order z, θ, depth, channel; θ is a circle.
-
-    from torch.utils.data import DataLoader
-    from endoct.workbench.dataset import Specimens
-    loader = DataLoader(Specimens("path/to/this/folder", split="train"), batch_size=4, shuffle=True, num_workers=2)
-
-Each step has `oct` u8 (batch, slice, depth, A-scan), `endoscope` u8 (batch, frame, row, column, RGB), and the truth
-`relief_mm`, `cell` and `cell_id` (batch, z, θ).
-"""
-FOLDERS = """\
-`specimens/NAME/`: `oct/pullback.tif` (slice, depth, A-scan), `endoscope/`, each with its `acquisition.toml`,
-  and `truth/`, as `endoct simulate` writes them; `endoct compare` reads them."""
-SHARDS = """\
-`shards/SPLIT-NUMBER.tar`: {per_shard} specimens each (the last of a split fewer), for the webdataset library:
-  `NAME.oct.npy`, `NAME.endoscope.npy`, `NAME.relief_mm.npy` … and `NAME.sample.json`, from which
-  `endoct simulate --replay` makes the specimen's folder again."""
 
 
 def write_manifest(root: Path, plan: Plan) -> None:
@@ -146,17 +103,20 @@ def _draw(panel: Axes, image: NDArray[np.floating] | NDArray[np.uint8], colours:
     panel.imshow(image, cmap=colours, aspect="auto", interpolation="antialiased")
 
 
+def text(name: str) -> str:
+    """Return a text that goes with the set, as it is in ``templates/``."""
+    return files(f"{__package__}.templates").joinpath(name).read_text("utf-8")
+
+
 def readme(plan: Plan) -> str:
     """Return the README of the set."""
-    counts = dict.fromkeys(SPLITS, 0)
-    for index in range(plan.count):
-        counts[split_of(plan, index)] += 1
-    return README.format(
+    layout = text("webdataset.md").format(per_shard=plan.specimens_per_shard)
+    return text("README.md").format(
         count=plan.count,
         preset=plan.preset,
         seed=plan.seed,
-        splits=", ".join(f"{split} {count}" for split, count in counts.items()).capitalize(),
+        splits=", ".join(f"{split} {count}" for split, count in split_counts(plan).items()).capitalize(),
         bores=f", and each bore has {plan.recordings_per_bore} recordings" if plan.recordings_per_bore > 1 else "",
         vary=ranges_text(plan.ranges),
-        layout=SHARDS.format(per_shard=plan.specimens_per_shard) if plan.format == "webdataset" else FOLDERS,
+        layout=(layout if plan.format == "webdataset" else text("folders.md")).removesuffix("\n"),
     )

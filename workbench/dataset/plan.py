@@ -90,6 +90,14 @@ def split_of(plan: Plan, index: int) -> Split:
     return SPLIT_OF_BORE[index // plan.recordings_per_bore % len(SPLIT_OF_BORE)]
 
 
+def split_counts(plan: Plan) -> dict[Split, int]:
+    """Return how many specimens each split has."""
+    counts = dict.fromkeys(SPLITS, 0)
+    for index in range(plan.count):
+        counts[split_of(plan, index)] += 1
+    return counts
+
+
 def units(plan: Plan) -> Iterator[Unit]:
     """Yield the units of the set, in the order of their specimens where possible.
 

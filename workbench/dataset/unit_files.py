@@ -146,7 +146,7 @@ def _make_shard(
     """Write the tar of ``unit`` in ``scratch``; what an ``old``, shorter one at ``place`` holds is copied from it."""
     jobs = [job(plan, index) for index in unit.indices]
     specimens: list[MadeSpecimen] = []
-    with new_shard(scratch / place.name) as tar:
+    with tarfile.open(scratch / place.name, "x", format=tarfile.USTAR_FORMAT) as tar:
         if old is not None and _begins(unit, old) and old.files[place.name] == store_and_digest(place):
             copy_specimens(place, tar)
             specimens.extend(old.specimens)
@@ -175,12 +175,6 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
-
-
-def make_here(root: Path, plan: Plan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
-    """Make the units one after the other in this process."""
-    for unit in wanted:
-        yield make_unit(root, plan, unit, make)
 
 
 def make_on(client: "Client", root: Path, plan: Plan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
@@ -241,13 +235,6 @@ def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
     except EndoctError:
         remove_abandoned(root)
         raise
-
-
-@contextmanager
-def new_shard(path: Path) -> Iterator[tarfile.TarFile]:
-    """Open a new tar file to add specimens to."""
-    with tarfile.open(path, "x", format=tarfile.USTAR_FORMAT) as tar:
-        yield tar
 
 
 def add_specimen(tar: tarfile.TarFile, name: str, folder: Path) -> None:

@@ -22,7 +22,7 @@ from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_f
 from endoct.workbench.desk.state import State
 from endoct.workbench.desk.study import Study
 from endoct.workbench.kinds import output_at
-from endoct.workbench.page.collection import Entry, address_of, thumbnail
+from endoct.workbench.page.collection import ListedOutput, address_of, thumbnail
 from endoct.workbench.page.notes import read_note, write_note
 from endoct.workbench.page.serving import Collection
 from endoct.workbench.page.wall import NoSuchTile
@@ -80,22 +80,17 @@ class OpenFolder:
             raise NoSuchTile("there is no such result", found=repr(posted.get("name"))[:80])
         return {"note": write_note(entry.path, posted.get("text"), posted.get("was"))}
 
-    def _entry(self, entry: Entry, number: int, version: str) -> dict[str, Any]:
+    def _entry(self, entry: ListedOutput, number: int, version: str) -> dict[str, Any]:
         compared = self.study.named_by(entry.inputs)
         has_report = entry.row.name == SUMMARY and not entry.fault
         address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""
+        as_they_are = "kind", "level", "headline", "jaccard", "interval", "written", "fault"
         return {
+            **{name: getattr(entry, name) for name in as_they_are},
             "name": path_text(entry.name),
-            "kind": entry.kind,
             "about": entry.what,
-            "level": entry.level,
-            "headline": entry.headline,
-            "jaccard": entry.jaccard,
-            "interval": entry.interval,
             "doubts": [doubt.what for doubt in entry.doubts],
             "steps": [self._step(step) for step in entry.steps],
-            "written": entry.written,
-            "fault": entry.fault,
             "of": [path_text(each.name) for each in compared],
             "changed": any(each.changed_since(entry.path / "result.json") for each in compared),
             "note": read_note(entry.path),

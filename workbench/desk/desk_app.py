@@ -32,11 +32,11 @@ from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
     FRESH,
-    KEPT,
     Guard,
     Json,
     allowed_hosts,
     asset,
+    kept,
     manual,
     posted_json,
     refused_post,
@@ -131,44 +131,36 @@ class _Answers:
         return self._desk.folder(request.path_params["key"])
 
     def home(self, _: Request) -> Response:
-        """Answer with the start page."""
         return _page("desk/home.html", "start", root=self._desk.root, recent=self._desk.recent_json())
 
     def study(self, request: Request) -> Response:
-        """Answer with the page of an open folder, and look through it again."""
         folder = self._folder(request)
         folder.study.look()
         name = folder.folder.name or str(folder.folder)
         return _page("desk/study.html", name, root=self._desk.root, folder=folder.folder)
 
     def recording(self, request: Request) -> Response:
-        """Answer with the page of a recording."""
         folder = self._folder(request)
         found = folder.study.input(request.query_params.get("name", ""))
         shown = {"folder": folder.folder, "recording": found, "modalities": [*manifests()]}
         return _page("desk/recording.html", found.name, root=self._desk.root, **shown)
 
     def picture(self, request: Request) -> Response:
-        """Answer with some frames of a recording."""
-        return _png(self._desk.picture(self._folder(request), request.query_params.get("name", "")))
+        return kept(self._desk.picture(self._folder(request), request.query_params.get("name", "")), "image/png")
 
     def thumbnail(self, request: Request) -> Response:
-        """Answer with the picture of a result."""
         version, number = request.path_params["version"], whole_number(request.path_params["number"])
-        return _png(self._folder(request).thumbnail(version, number))
+        return kept(self._folder(request).thumbnail(version, number), "image/png")
 
     def report(self, request: Request) -> Response:
-        """Answer with the report of a pose, or of a summary."""
         html = self._folder(request).report(request.query_params.get("name", ""))
         return HTMLResponse(html, headers={**FRESH, "content-security-policy": REPORT_POLICY})
 
     def sidecar(self, request: Request) -> dict[str, Any]:
-        """Return the form of a sidecar."""
         asked = request.query_params
         return self._desk.sidecar(self._folder(request), asked.get("name", ""), asked.get("modality") or None)
 
     async def file(self, request: Request) -> Response:
-        """Take a file that was dropped on the page of a folder."""
         if refused := refused_post(request, "application/octet-stream"):
             return refused
         folder = await run_in_threadpool(self._folder, request)
@@ -182,7 +174,6 @@ class _Answers:
 
     @asynccontextmanager
     async def lifespan(self, _: Starlette) -> AsyncIterator[None]:
-        """Run the queue while the application is served."""
         current_default_thread_limiter().total_tokens = MOST_THREADS
         self._queue.start()
         yield
@@ -190,7 +181,6 @@ class _Answers:
         self._desk.previewer.close()
 
     async def results(self, host: str, port: int, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer with the page of a result."""
         try:
             folder = await run_in_threadpool(self._desk.folder, str(scope["path"]).split("/")[3])
             await run_in_threadpool(folder.results.ensure_looked)  # a bookmark, or a page of before a restart
@@ -207,7 +197,6 @@ class _Secret:
         self._app, self._root, self._results = app, root, results
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on, or answer 403."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -230,10 +219,6 @@ def _page(template: str, title: str, **values: object) -> Response:
 def _done(act: Callable[..., object], *given: str) -> dict[str, Any]:
     act(*given)
     return {"done": True}
-
-
-def _png(png: bytes) -> Response:
-    return Response(png, media_type="image/png", headers={"cache-control": KEPT})
 
 
 def _json(answer: Answer) -> Answer:

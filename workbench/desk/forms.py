@@ -59,7 +59,7 @@ class Form:
 
     def to_json(self) -> dict[str, Any]:
         """Return the form for the page."""
-        return {"command": self.command, "title": self.title, "fields": [each.to_json() for each in self.fields]}
+        return {"command": self.command, "title": self.title, "fields": [field.to_json() for field in self.fields]}
 
 
 def form_of(name: str, command: Command) -> Form:
@@ -85,7 +85,7 @@ def arguments_of(form: Form, values: Mapping[str, object], folder: Path) -> tupl
     Paths are those below ``folder``. Raises :class:`EndoctError` for a field that the form does not have, a missing
     value, one of another kind, and a path out of the folder.
     """
-    known = {each.name: each for each in form.fields}
+    known = {field.name: field for field in form.fields}
     for name in values:
         if name not in known:
             raise EndoctError(f"`endoct {form.command}` has no '{str(name)[:40]}'", expected=", ".join(known))
@@ -117,7 +117,7 @@ def path_within(folder: Path, text: str) -> str:
 def _abouts(command: Command) -> dict[str, str]:
     """Return what the docstrings say of every argument; a request inherits what those before it say."""
     classes = reversed(command.__mro__) if isinstance(command, type) else (command,)
-    return {each.arg_name: each.description or "" for one in classes for each in parse(one.__doc__ or "").params}
+    return {each.arg_name: each.description or "" for class_ in classes for each in parse(class_.__doc__ or "").params}
 
 
 def _field(name: str, hint: Any, markers: tuple[Any, ...], default: object, about: str, required: bool) -> FormField:
@@ -159,7 +159,9 @@ def _words(field: FormField, value: object, folder: Path) -> Iterator[str]:
         return
     several = field.kind in ("paths", "lines")
     texts = _lines(field, value) if several else [_text(field, value)]
-    if field.kind in ("path", "paths") or _may_be_file(field, texts):
+    # a file, where a field takes that or a word
+    is_file = field.hint.startswith("FILE|") and texts != [field.hint.removeprefix("FILE|")]
+    if field.kind in ("path", "paths") or is_file:
         texts = [path_within(folder, text) for text in texts]
     if field.kind == "lines":
         for stated in filter(None, (text.partition("=")[2] for text in texts)):
@@ -171,11 +173,6 @@ def _words(field: FormField, value: object, folder: Path) -> Iterator[str]:
         yield from (field.flag, *texts)
     else:
         yield from (f"{field.flag}={text}" for text in texts)
-
-
-def _may_be_file(field: FormField, texts: list[str]) -> bool:
-    """Say whether ``texts`` of a field that takes a file or a word are files."""
-    return field.hint.startswith("FILE|") and texts != [field.hint.removeprefix("FILE|")]
 
 
 def _lines(field: FormField, value: object) -> list[str]:

@@ -81,16 +81,12 @@ class Run:
 
     def to_json(self) -> dict[str, Any]:
         """Return the run for the page, with its command line as a person would type it."""
+        as_they_are = "name", "output", "state", "seconds", "stages", "last_line"
         return {
-            "name": self.name,
+            **{name: getattr(self, name) for name in as_they_are},
             "command": command_line(self.arguments),
             "verb": self.arguments[0],
             "folder": path_text(self.folder),
-            "output": self.output,
-            "state": self.state,
-            "seconds": self.seconds,
-            "stages": self.stages,
-            "last_line": self.last_line,
         }
 
 
@@ -306,14 +302,8 @@ def _carry_out(path: Path, lock: int) -> None:
     command, folder = [sys.executable, "-P", "-c", PROGRAM, *request["arguments"]], Path(request["folder"])
     with (path / LOG).open("wb") as log:
         try:
-            with process_group(
-                command,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                cwd=Path(request["folder"]),
-                env=environment,
-                holds=[lock],
-            ) as process:
+            streams: dict[str, Any] = {"stdout": log, "stderr": subprocess.STDOUT}
+            with process_group(command, **streams, cwd=folder, env=environment, holds=[lock]) as process:
                 asked = False
                 while (status := process.poll()) is None:
                     if cancelled.exists() and not asked:

@@ -116,9 +116,8 @@ class SidecarForm:
             text = tomlkit.dumps(document)
             if tomllib.loads(text) != keys:
                 raise EndoctError("its values would change")
-        with new_output(
-            path, SIDECAR, overwrite=based_on is not None, is_ours=lambda p: sha256_of(p) == based_on
-        ) as out:
+        is_new = based_on is None
+        with new_output(path, SIDECAR, overwrite=not is_new, is_ours=lambda p: sha256_of(p) == based_on) as out:
             out.write_bytes(text.encode())  # with the ends of lines that it has
 
     def _all(self, own: Mapping[str, Any]) -> dict[str, Any]:
@@ -158,7 +157,7 @@ class SidecarForm:
     def _fields(self) -> Iterator[dict[str, Any]]:
         model, given = self.manifest.acquisition, self.recognised
         by_source = {"value": given.own, "stated": given.stated.keys, "cited": given.cited}
-        one_of = {key: each.why for each in model.alternatives for key in each.keys}
+        one_of = {key: alternative.why for alternative in model.alternatives for key in alternative.keys}
         for key, field in model.model_fields.items():
             if key == "modality":
                 continue
@@ -316,12 +315,11 @@ class _Part:
     @property
     def acquisition(self) -> Acquisition:
         """The sidecar, with the positions of these frames."""
-        positions_mm = self.stream.acquisition.positions_mm
-        if positions_mm is None:
-            return self.stream.acquisition
-        return self.stream.acquisition.model_copy(
-            update={"positions_mm": tuple(positions_mm[frame] for frame in self.frames)}
-        )
+        whole = self.stream.acquisition
+        if whole.positions_mm is None:
+            return whole
+        positions_mm = tuple(whole.positions_mm[frame] for frame in self.frames)
+        return whole.model_copy(update={"positions_mm": positions_mm})
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -64,7 +64,7 @@ class Input:
         with suppress(OSError):  # gone, or somebody else's
             files += [Path(each.path) for each in os.scandir(self.path)] if self.path.is_dir() else []
             made_ns = result.stat().st_mtime_ns
-            return any(each.is_file() and each.stat().st_mtime_ns > made_ns for each in files)
+            return any(file.is_file() and file.stat().st_mtime_ns > made_ns for file in files)
         return False
 
     def to_json(self) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class Study:
         """Return the recordings to which ``files`` belong, as a result names them: by whole paths, or from here."""
         paths = [self.folder / file for file in files]
         recordings = [each for each in self.inputs() if each.kind == "recording"]
-        return [each for each in recordings if any(each.path in (path, path.parent) for path in paths)]
+        return [recording for recording in recordings if any(recording.path in (path, path.parent) for path in paths)]
 
     def pairs(self) -> list[tuple[Input, Input]]:
         """Return the recordings of two instruments that lie alone in one folder, by the instruments' names."""

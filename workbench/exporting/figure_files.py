@@ -10,7 +10,7 @@ from matplotlib.transforms import Bbox
 
 from endoct.base.errors import EndoctError
 from endoct.stitching.store import load_panorama
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.report.figures.drawing import Keep, handed_to, svg_of
 from endoct.workbench.report.figures.rendered import Drawn, begin_both, begin_pictures, begin_wall, drawn_of
 from endoct.workbench.report.findings import read_findings
@@ -22,7 +22,7 @@ from endoct.workbench.running.scheduler import ALONE
 _FIRST_DAY = (1980, 1, 1, 0, 0, 0)
 
 
-def write_pdf(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_pdf(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the figures of the report as one PDF, a page each.
 
     Raises :class:`EndoctError` where ``source`` has no report.
@@ -34,7 +34,7 @@ def write_pdf(source: Source, path: Path, request: ExportRequest, stages: Stages
     return {"figures": len(figures)}
 
 
-def write_svg(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_svg(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the figures of the report as SVG, with ``captions.txt``, into one ZIP.
 
     Raises :class:`EndoctError` where ``source`` has no report.
@@ -46,7 +46,7 @@ def write_svg(source: Source, path: Path, request: ExportRequest, stages: Stages
             archive.writestr(_entry(f"{name}.svg"), svg_of(figure, inked), ZIP_DEFLATED)
 
         figures = _drawn(source, stages, keep)
-        captions = "\n".join(f"{one.rendered.name}.svg: {one.title}. {one.caption}\n" for one in figures)
+        captions = "\n".join(f"{figure.rendered.name}.svg: {figure.title}. {figure.caption}\n" for figure in figures)
         archive.writestr(_entry("captions.txt"), captions, ZIP_DEFLATED)
     return {"figures": len(figures)}
 
@@ -55,7 +55,7 @@ def _entry(name: str) -> ZipInfo:
     return ZipInfo(name, _FIRST_DAY)
 
 
-def _drawn(source: Source, stages: Stages, keep: Keep) -> list[Drawn]:
+def _drawn(source: Exportable, stages: Stages, keep: Keep) -> list[Drawn]:
     """Draw what the report of ``source`` shows, each figure handed to ``keep``."""
     with stages.stage("figures"), handed_to(keep):
         if source.kind == "panorama":

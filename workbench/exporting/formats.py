@@ -10,12 +10,12 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.requests import ExportRequest, FormatName
 
 if TYPE_CHECKING:
-    from endoct.workbench.exporting.source import Source
+    from endoct.workbench.exporting.source import Exportable
     from endoct.workbench.running.progress import Stages
 
 VOXEL_MM = 0.01
 VERTEX_MM = 0.02
-Writer = Callable[["Source", Path, ExportRequest, "Stages"], dict[str, object]]
+Writer = Callable[["Exportable", Path, ExportRequest, "Stages"], dict[str, object]]
 _TIFF = ".ome.tiff", ".ome.tif", ".tiff", ".tif"
 _WALL = "side", "vertex_mm"
 
@@ -105,23 +105,17 @@ def format_for(to: str | None, output: Path) -> Format:
     Raises :class:`EndoctError` where there is no such format, or the suffix is that of another.
     """
     name = output.name.lower()
-    known = ", ".join(FORMATS)
     if to is None:
         for one in FORMATS.values():
             if one.by_suffix and name.endswith(one.suffixes):
                 return one
         suffixes = ", ".join(one.suffixes[0] for one in FORMATS.values() if one.by_suffix)
-        raise EndoctError(
-            f"the name {output} does not say which format it is",
-            expected=suffixes,
-            remedy="or name it with to='FORMAT'",
-        )
-    chosen = next((one for one in FORMATS.values() if one.name == to), None)
-    if chosen is None:
-        raise EndoctError(f"there is no format '{to}'", expected=known)
+        remedy = "or name it with to='FORMAT'"
+        raise EndoctError(f"the name {output} does not say which format it is", expected=suffixes, remedy=remedy)
+    if to not in FORMATS:
+        raise EndoctError(f"there is no format '{to}'", expected=", ".join(FORMATS))
+    chosen = FORMATS[to]
     if not name.endswith(chosen.suffixes):
-        raise EndoctError(
-            f"a file of {to} cannot be called {output.name}",
-            expected=" or ".join(f"NAME{suffix}" for suffix in chosen.suffixes),
-        )
+        names = " or ".join(f"NAME{suffix}" for suffix in chosen.suffixes)
+        raise EndoctError(f"a file of {to} cannot be called {output.name}", expected=names)
     return chosen

@@ -29,7 +29,7 @@ _UNEVEN = 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class ImageLayer:
     """An image of the wall on the even rows of a source's grid: of ``side``, its ``quantity``, in ``unit``.
 
     ``rows`` (n_z,) says which row of the stored images every row is, :data:`NOWHERE` for none. ``valid`` is where it
@@ -43,6 +43,11 @@ class Layer:
     image: StoredImage
     valid: StoredImage | None
     rows: NDArray[np.intp]
+
+    @property
+    def title(self) -> str:
+        """Its name, with the unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
 
     def read(self, start: int, stop: int) -> Image:
         """Return the rows from ``start`` to before ``stop``, float32 (rows, n_theta), NaN where nothing was observed.
@@ -79,14 +84,8 @@ def even_rows(grid: SurfaceGrid) -> tuple[SurfaceGrid, NDArray[np.intp]]:
     """
     z_mm = grid.z_mm
     n_z = max(1, round(float(z_mm[-1] - z_mm[0]) / grid.dz_mm) + 1)
-    even = SurfaceGrid.full_circle(
-        n_z,
-        grid.n_theta,
-        z0_mm=float(z_mm[0]),
-        dz_mm=grid.dz_mm,
-        radius_mm=grid.radius_mm,
-        theta0_rad=grid.theta0_rad,
-    )
+    kept = {"dz_mm": grid.dz_mm, "radius_mm": grid.radius_mm, "theta0_rad": grid.theta0_rad}
+    even = SurfaceGrid.full_circle(n_z, grid.n_theta, z0_mm=float(z_mm[0]), **kept)
     if lies_evenly(grid):
         return even, np.arange(n_z)
     nearest = np.clip(np.rint(grid.row_of(even.z_mm)).astype(np.intp), 0, grid.n_z - 1)
@@ -101,7 +100,7 @@ def lies_evenly(grid: SurfaceGrid) -> bool:
 
 
 @dataclass(frozen=True)
-class Level:
+class PyramidLevel:
     """A level: how many rows and columns of the finest each of its samples averages; its shape, (n_z, n_theta)."""
 
     rows: int
@@ -120,9 +119,9 @@ class Level:
         )
 
 
-def levels_of(grid: SurfaceGrid) -> tuple[Level, ...]:
+def levels_of(grid: SurfaceGrid) -> tuple[PyramidLevel, ...]:
     """Return the levels of images on ``grid``, the finest first; samples that are not square become so on the way."""
-    levels = [Level(1, 1, grid.shape)]
+    levels = [PyramidLevel(1, 1, grid.shape)]
     while max(levels[-1].shape) > COARSEST_PX:
         last = levels[-1]
         z_mm, theta_mm = last.step_mm(grid)
@@ -131,11 +130,11 @@ def levels_of(grid: SurfaceGrid) -> tuple[Level, ...]:
         if not (halve_rows or halve_columns):  # the long samples are the few ones
             halve_rows, halve_columns = n_z > n_theta, n_theta >= n_z
         rows, columns = last.rows << halve_rows, last.columns << halve_columns
-        levels.append(Level(rows, columns, (-(-grid.n_z // rows), -(-grid.n_theta // columns))))
+        levels.append(PyramidLevel(rows, columns, (-(-grid.n_z // rows), -(-grid.n_theta // columns))))
     return tuple(levels)
 
 
-def read_level(layer: Layer, level: Level, start: int, stop: int) -> Image:
+def read_level(layer: ImageLayer, level: PyramidLevel, start: int, stop: int) -> Image:
     """Return rows of a level, float32 (rows, columns), NaN where less than half was observed."""
     n_rows = layer.rows.size
     parts = []
@@ -166,7 +165,7 @@ def averaged(image: Image, rows: int, columns: int) -> Image:
     return np.divide(total, count, out=np.full(total.shape, np.nan, np.float32), where=2 * count >= there)
 
 
-def thinned(ids: Ids, level: Level) -> Ids:
+def thinned(ids: Ids, level: PyramidLevel) -> Ids:
     """Return ids on a level: of every sample that of the place nearest to its centre."""
     rows = np.minimum(np.arange(level.shape[0]) * level.rows + level.rows // 2, ids.shape[0] - 1)
     columns = (np.arange(level.shape[1]) * level.columns + level.columns // 2) % ids.shape[1]
@@ -179,7 +178,7 @@ def blocks(start: int, stop: int, length: int) -> Iterator[tuple[int, int]]:
         yield first, min(first + length, stop)
 
 
-def contrast_of(layer: Layer) -> tuple[float, float]:
+def contrast_of(layer: ImageLayer) -> tuple[float, float]:
     """Return between which values a layer is displayed well: its 0.5th and 99.5th percentile over some of its rows."""
     n_rows = layer.rows.size
     some = [layer.read(row, row + 1) for row in np.unique(np.linspace(0, n_rows - 1, min(n_rows, 64)).astype(int))]

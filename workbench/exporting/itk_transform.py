@@ -8,12 +8,12 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 
-def write_itk_transform(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_itk_transform(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write where a point of side B lies in side A's frame, mm; with ``request.inverse`` the way back.
 
     Raises :class:`EndoctError` where ``source`` is no comparison, or its sides are not aligned, or bend.

@@ -22,9 +22,9 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size
 from endoct.fusion.geometry.placement import column_weights, resample
 from endoct.workbench.exporting.formats import VERTEX_MM
-from endoct.workbench.exporting.image_layers import Layer, blocks, contrast_of
+from endoct.workbench.exporting.image_layers import ImageLayer, blocks, contrast_of
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -52,7 +52,7 @@ class Mesh:
     facts: dict[str, object]
 
 
-def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloured: bool) -> Mesh:
+def wall_mesh(source: Exportable, request: ExportRequest, stages: Stages, *, coloured: bool) -> Mesh:
     """Return the wall of a source.
 
     ``request.side`` gives the relief, else the first side that has one; without any relief the wall is the nominal
@@ -71,14 +71,8 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
         known = np.isfinite(images[id(relief or seen)])
         radius_mm = source.grid.radius_mm + (images[id(relief)] if relief else np.zeros(known.shape, np.float32))
         colours = _colours(images[id(colour)], colour) if colour else np.zeros((*known.shape, 3), np.uint8)
-        points = np.stack(
-            [
-                radius_mm * np.cos(places.theta_rad),
-                radius_mm * np.sin(places.theta_rad),
-                np.broadcast_to(places.z_mm[:, np.newaxis], known.shape),
-            ],
-            axis=-1,
-        )
+        x_mm, y_mm = radius_mm * np.cos(places.theta_rad), radius_mm * np.sin(places.theta_rad)
+        points = np.stack([x_mm, y_mm, np.broadcast_to(places.z_mm[:, np.newaxis], known.shape)], axis=-1)
         faces = _faces(known)
         used = np.zeros(known.size, np.bool_)
         used[faces] = True
@@ -102,7 +96,7 @@ def wall_mesh(source: Source, request: ExportRequest, stages: Stages, *, coloure
 class _Vertices:
     """Where the vertices lie: means of samples over ``vertex_mm``, or the samples themselves where these lie wider."""
 
-    def __init__(self, source: Source, vertex_mm: float) -> None:
+    def __init__(self, source: Exportable, vertex_mm: float) -> None:
         grid = source.grid
         self._n_z = grid.n_z
         self._together = max(1, int(vertex_mm / grid.dz_mm + 1e-6))
@@ -120,7 +114,7 @@ class _Vertices:
         self.z_mm: Coordinates = (grid.z_mm[starts] + grid.z_mm[stops - 1]) / 2
         self.step_z_mm, self.step_theta_mm = self._together * grid.dz_mm, share * grid.dtheta_mm
 
-    def sampled(self, layer: Layer, advance: Advance, k: int, n: int) -> Image:
+    def sampled(self, layer: ImageLayer, advance: Advance, k: int, n: int) -> Image:
         """Return a layer at the vertices, NaN where less than half was observed. It is read in blocks of rows."""
         image = np.empty(self._shape, np.float32)
         for first, last in blocks(0, self._shape[0], max(1, 128 // self._together)):
@@ -137,17 +131,18 @@ class _Vertices:
         return np.where(observed, values, np.float32(np.nan))
 
 
-def _relief_layer(source: Source, side: str | None) -> tuple[Layer | None, Layer]:
+def _relief_layer(source: Exportable, side: str | None) -> tuple[ImageLayer | None, ImageLayer]:
     """Return (the layer whose relief the wall has, None for none; a layer of the same side that says what is there)."""
-    _check_side(source, side)
+    if side is not None and side not in source.sides:
+        raise EndoctError(f"{source.path} has no such side", found=side, expected=" or ".join(source.sides))
     sides = source.sides if side is None else (side,)
-    reliefs = [layer for layer in (source.layer(one, "relief") for one in sides) if layer]
+    reliefs = [layer for layer in (source.layer(side, "relief") for side in sides) if layer]
     if reliefs:
         return reliefs[0], reliefs[0]
     return None, next(layer for layer in source.layers if layer.side == sides[0])
 
 
-def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
+def _colour_layer(source: Exportable, shape_side: str, color: str | None) -> ImageLayer:
     """Return the layer that colours the wall: unless chosen the brightness of the side that it has its shape from."""
     if color == RELIEF or (color is None and source.layer(shape_side, "intensity") is None):
         layer = source.layer(shape_side, RELIEF)
@@ -157,8 +152,8 @@ def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
     side = shape_side if color is None else color
     layer = source.layer(side, "intensity")
     if layer is None:
-        having = [one.side for one in source.layers if one.quantity == "intensity"]
-        having += [RELIEF] * any(one.quantity == RELIEF for one in source.layers)
+        having = [layer.side for layer in source.layers if layer.quantity == "intensity"]
+        having += [RELIEF] * any(layer.quantity == RELIEF for layer in source.layers)
         raise EndoctError(
             f"the wall of {source.path} cannot be coloured so", found=side, expected=" or ".join(dict.fromkeys(having))
         )
@@ -171,12 +166,7 @@ def _colour_layer(source: Source, shape_side: str, color: str | None) -> Layer:
     return layer
 
 
-def _check_side(source: Source, side: str | None) -> None:
-    if side is not None and side not in source.sides:
-        raise EndoctError(f"{source.path} has no such side", found=side, expected=" or ".join(source.sides))
-
-
-def _colours(image: Image, layer: Layer) -> NDArray[np.uint8]:
+def _colours(image: Image, layer: ImageLayer) -> NDArray[np.uint8]:
     """Return sRGB, uint8 (…, 3): brightness in grey, relief in a perceptually even map, pale blue where unknown."""
     low, high = contrast_of(layer)
     known = np.isfinite(image)
@@ -193,15 +183,19 @@ def _colours(image: Image, layer: Layer) -> NDArray[np.uint8]:
 
 def _faces(known: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return triangles between neighbours that are all known, the last column joined to the first, facing the axis."""
-    n_z, n_theta = known.shape
-    here = np.arange(n_z * n_theta).reshape(n_z, n_theta)
-    beside = np.roll(here, -1, axis=1)
-    quads = np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
-    faces = np.concatenate([quads[:, (0, 2, 1)], quads[:, (1, 2, 3)]])
+    corners = quads(*known.shape)
+    faces = np.concatenate([corners[:, (0, 2, 1)], corners[:, (1, 2, 3)]])
     return np.asarray(faces[known.ravel()[faces].all(axis=1)])
 
 
-def write_ply(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def quads(n_z: int, n_theta: int) -> NDArray[np.int64]:
+    """Return the corners between neighbours on rows of a cylinder, (n, 4): one, the next around, and both a row on."""
+    here = np.arange(n_z * n_theta).reshape(n_z, n_theta)
+    beside = np.roll(here, -1, axis=1)
+    return np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
+
+
+def write_ply(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary PLY with colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=True)
     save_ply(mesh, path, "bore frame: right-handed, z inward, x right and y down as seen looking in")
@@ -235,7 +229,7 @@ def save_ply(mesh: Mesh, path: Path, frame: str) -> None:
     mark(path)
 
 
-def write_stl(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_stl(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary STL, without colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=False)
     save_stl(mesh, path)
@@ -256,7 +250,7 @@ def save_stl(mesh: Mesh, path: Path) -> None:
     mark(path)
 
 
-def write_glb(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_glb(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the wall as binary glTF 2.0 with colours. Returns what was written; raises as :func:`wall_mesh` does."""
     mesh = wall_mesh(source, request, stages, coloured=True)
     parts = [mesh.points_mm.astype("<f4"), _linear(mesh.colours), mesh.faces.astype("<u4")]

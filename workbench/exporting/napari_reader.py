@@ -9,7 +9,7 @@ from typing import Any
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.exporting.image_layers import contrast_of, levels_of, read_level, thinned
-from endoct.workbench.exporting.source import Source, open_for_export
+from endoct.workbench.exporting.source import Exportable, open_for_export
 
 LayerData = tuple[Any, dict[str, Any], str]
 COLOURS = "magenta", "green"
@@ -26,7 +26,7 @@ def reader_of(path: str | list[str]) -> Callable[[str], list[LayerData]] | None:
     return lambda chosen: layers_of(open_for_export(Path(chosen)))
 
 
-def layers_of(source: Source) -> list[LayerData]:
+def layers_of(source: Exportable) -> list[LayerData]:
     """Return (data, how to display it, kind) of every image and of the cells, as napari takes layers.
 
     Rows are z and columns the arc from θ = 0 on the nominal wall, both in mm; data are pyramids, the finest first.
@@ -45,7 +45,7 @@ def layers_of(source: Source) -> list[LayerData]:
         images = [read_level(layer, level, 0, level.shape[0]) for level in levels]
         is_relief = layer.quantity == "relief"
         display = {
-            "name": f"{layer.name} ({layer.unit})" if layer.unit else layer.name,
+            "name": layer.title,
             "contrast_limits": contrast_of(layer),
             "colormap": "viridis" if is_relief else COLOURS[source.sides.index(layer.side)] if two else "gray",
             "blending": "additive",

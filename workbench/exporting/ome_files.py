@@ -6,6 +6,7 @@ Slicer, reads no tiles.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -20,9 +21,9 @@ from zarr.codecs import BloscCodec
 from endoct.base.files.contents import output_digest
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.image_layers import (
+    ImageLayer,
     LabelLayer,
-    Layer,
-    Level,
+    PyramidLevel,
     blocks,
     contrast_of,
     levels_of,
@@ -30,7 +31,7 @@ from endoct.workbench.exporting.image_layers import (
     thinned,
 )
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import TRUTH, Source
+from endoct.workbench.exporting.source import TRUTH, Exportable
 from endoct.workbench.requests import ExportRequest, OmeVersion
 from endoct.workbench.running.progress import Advance, Stages
 
@@ -45,10 +46,11 @@ STRIP_ROWS = 64
 _BIG_BYTES = 2_000_000_000
 """Larger TIFF files get offsets of 64 bits, as compression may save nothing."""
 
-Rows = Callable[[Level], Iterator[NDArray[Any]]]
+Window = Callable[[int, int], NDArray[Any]]
+"""From one row to before another, these rows of a layer at a level."""
 
 
-def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_ome_zarr(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the images of ``source`` to the folder ``path``: axes (c, y, x), y along z and x along θ, in mm.
 
     x is the arc on the nominal wall, from θ = 0; its last sample and its first are neighbours. NaN where nothing was
@@ -56,7 +58,7 @@ def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: S
     """
     version: OmeVersion = request.version or "0.5"
     levels = levels_of(source.grid)
-    group = _group(path, version)
+    group = zarr.create_group(path, zarr_format=3 if version == "0.5" else 2)
     with stages.stage("OME-Zarr") as advance:
         arrays = [
             _array(group, str(k), (len(source.layers), *level.shape), np.dtype(np.float32), version)
@@ -85,7 +87,11 @@ def write_ome_zarr(source: Source, path: Path, request: ExportRequest, stages: S
 
 
 def _write_labels(
-    group: zarr.Group, labels: Sequence[LabelLayer], grid: SurfaceGrid, levels: Sequence[Level], version: OmeVersion
+    group: zarr.Group,
+    labels: Sequence[LabelLayer],
+    grid: SurfaceGrid,
+    levels: Sequence[PyramidLevel],
+    version: OmeVersion,
 ) -> None:
     names = [layer.name.replace(" ", "-") for layer in labels]
     below = group.create_group("labels")
@@ -101,7 +107,7 @@ def _write_labels(
 
 
 def _multiscales(
-    name: str, grid: SurfaceGrid, levels: Sequence[Level], first_axes: str, version: OmeVersion
+    name: str, grid: SurfaceGrid, levels: Sequence[PyramidLevel], first_axes: str, version: OmeVersion
 ) -> dict[str, Any]:
     channel = [{"name": axis, "type": "channel"} for axis in first_axes]
     before, at = [1.0] * len(channel), [0.0] * len(channel)
@@ -123,24 +129,19 @@ def _multiscales(
     return {"multiscales": [multiscale if version == "0.5" else {"version": version, **multiscale}]}
 
 
-def _channel(layer: Layer, colour: str) -> dict[str, object]:
+def _channel(layer: ImageLayer, colour: str) -> dict[str, object]:
     """Return how viewers display a layer at first: brightness in the colour of its side; relief on demand."""
     low, high = contrast_of(layer)
     window = {"min": low, "max": high, "start": low, "end": high}
-    label = f"{layer.name} ({layer.unit})" if layer.unit else layer.name
     is_first = layer.quantity == "intensity" or layer.side == TRUTH
     return {
-        "label": label,
+        "label": layer.title,
         "color": colour if is_first else "FFFFFF",
         "active": is_first,
         "coefficient": 1,
         "family": "linear",
         "window": window,
     }
-
-
-def _group(path: Path, version: OmeVersion) -> zarr.Group:
-    return zarr.create_group(path, zarr_format=3 if version == "0.5" else 2)
 
 
 def _describe(group: zarr.Group, attributes: Mapping[str, Any], version: OmeVersion) -> None:
@@ -152,78 +153,69 @@ def _array(group: zarr.Group, name: str, shape: tuple[int, ...], dtype: np.dtype
     """Return a new array in chunks of one channel; its parts that hold nothing but NaN, or 0, take no file."""
     sizes = tuple(1 if axis < len(shape) - 2 else min(CHUNK_PX, n) for axis, n in enumerate(shape))
     fill: float = float("nan") if dtype.kind == "f" else 0
-    axes = ("c", "y", "x")[-len(shape) :]
+    stored: dict[str, Any]
     if version == "0.5":
         compressor = BloscCodec(cname="zstd", clevel=3, shuffle="shuffle")
-        return group.create_array(
-            name,
-            shape=shape,
-            dtype=dtype,
-            chunks=sizes,
-            compressors=compressor,
-            fill_value=fill,
-            dimension_names=axes,
-        )
-    return group.create_array(
-        name,
-        shape=shape,
-        dtype=dtype,
-        chunks=sizes,
-        compressors=numcodecs.Blosc(cname="zstd", clevel=3, shuffle=numcodecs.Blosc.SHUFFLE),
-        fill_value=fill,
-        chunk_key_encoding={"name": "v2", "separator": "/"},
-    )
+        stored = {"compressors": compressor, "dimension_names": ("c", "y", "x")[-len(shape) :]}
+    else:
+        blosc = numcodecs.Blosc(cname="zstd", clevel=3, shuffle=numcodecs.Blosc.SHUFFLE)
+        stored = {"compressors": blosc, "chunk_key_encoding": {"name": "v2", "separator": "/"}}
+    return group.create_array(name, shape=shape, dtype=dtype, chunks=sizes, fill_value=fill, **stored)
 
 
-def write_ome_tiff(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_ome_tiff(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the images of ``source`` to one file: float32, NaN where nothing was observed. Returns what was written."""
     del request
-    levels = _tiff_levels(source.grid)
+
+    def images(layer: ImageLayer, level: PyramidLevel) -> Window:
+        return lambda first, last: read_level(layer, level, first, last)
+
     with stages.stage("OME-TIFF") as advance:
-        total = len(source.layers) * sum(level.shape[0] for level in levels)
-        done = _Counter(advance, total)
-
-        def rows(level: Level) -> Iterator[NDArray[Any]]:
-            for layer in source.layers:
-                for first, last in blocks(0, level.shape[0], TILE_PX):
-                    yield read_level(layer, level, first, last)
-                    done.add(last - first)
-
-        names = [f"{layer.name} ({layer.unit})" if layer.unit else layer.name for layer in source.layers]
-        _write_tiff(path, source, names, np.dtype(np.float32), levels, rows)
-    return _tiff_facts(source, names, levels)
+        layers = [(layer.title, partial(images, layer)) for layer in source.layers]
+        return _write_tiff(path, source, layers, np.dtype(np.float32), advance)
 
 
-def write_labels(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_labels(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write masks and ids of cells to one file: uint16, 0 for wall, 1, 2 … as in ``cells.csv``.
 
     A channel for the cells of each side, and one that is 1 where that side observed. Returns what was written.
     """
     del request
-    levels = _tiff_levels(source.grid)
+    kept: dict[str, NDArray[np.uint16]] = {}
+
+    def labels(layer: LabelLayer, level: PyramidLevel) -> Window:
+        if layer.name not in kept:
+            kept.clear()  # one at a time: they are read whole, as cells are found around the circle
+            kept[layer.name] = layer.read()
+        ids = thinned(kept[layer.name], level)
+        return lambda first, last: ids[first:last]
+
     with stages.stage("labels") as advance:
-        done = _Counter(advance, len(source.labels) * sum(level.shape[0] for level in levels))
-        kept: dict[str, NDArray[np.uint16]] = {}
-
-        def rows(level: Level) -> Iterator[NDArray[Any]]:
-            for layer in source.labels:
-                if layer.name not in kept:
-                    kept.clear()  # one at a time: they are read whole, as cells are found around the circle
-                    kept[layer.name] = layer.read()
-                ids = thinned(kept[layer.name], level)
-                for first, last in blocks(0, level.shape[0], TILE_PX):
-                    yield ids[first:last]
-                    done.add(last - first)
-
-        names = [layer.name for layer in source.labels]
-        _write_tiff(path, source, names, np.dtype(np.uint16), levels, rows)
-    return _tiff_facts(source, names, levels)
+        layers = [(layer.name, partial(labels, layer)) for layer in source.labels]
+        return _write_tiff(path, source, layers, np.dtype(np.uint16), advance)
 
 
 def _write_tiff(
-    path: Path, source: Source, names: Sequence[str], dtype: np.dtype[Any], levels: Sequence[Level], rows: Rows
-) -> None:
-    """Write channels ``names``; ``rows(level)`` yields their rows channel by channel, in blocks as high as a tile."""
+    path: Path,
+    source: Exportable,
+    layers: Sequence[tuple[str, Callable[[PyramidLevel], Window]]],
+    dtype: np.dtype[Any],
+    advance: Advance,
+) -> dict[str, object]:
+    """Write channels, each with its name and what reads its rows at a level; return what was written."""
+    levels, names = levels_of(source.grid), [name for name, _ in layers]
+    levels = levels if max(source.grid.shape) > LARGE_PX else levels[:1]
+    n_rows, n_done = len(names) * sum(level.shape[0] for level in levels), 0
+
+    def rows(level: PyramidLevel) -> Iterator[NDArray[Any]]:
+        nonlocal n_done
+        for _, window in layers:
+            read = window(level)
+            for first, last in blocks(0, level.shape[0], TILE_PX):
+                yield read(first, last)
+                n_done += last - first
+                advance(n_done / n_rows)
+
     n_bytes = len(names) * dtype.itemsize * sum(level.shape[0] * level.shape[1] for level in levels)
     with tifffile.TiffWriter(path, ome=True, bigtiff=n_bytes > _BIG_BYTES) as tiff:
         for k, level in enumerate(levels):
@@ -246,9 +238,11 @@ def _write_tiff(
                 **own,
             )
     mark(path)
+    step_mm, shape = list(levels[0].step_mm(source.grid)), [len(names), *source.grid.shape]
+    return {"channels": names, "shape": shape, "step_mm": step_mm, "levels": len(levels)}
 
 
-def _identifier(source: Source, names: Sequence[str]) -> str:
+def _identifier(source: Exportable, names: Sequence[str]) -> str:
     """Return the UUID that OME wants of a file: of the same the same, without the time and the machine's number."""
     return f"urn:uuid:{uuid5(NAMESPACE_URL, f'endoct:{output_digest(source.folder)}:{names}')}"
 
@@ -289,26 +283,3 @@ def _tiff_metadata(names: Sequence[str], grid: SurfaceGrid, title: str) -> dict[
             "PositionYUnit": ["mm"] * n,
         },
     }
-
-
-def _tiff_levels(grid: SurfaceGrid) -> tuple[Level, ...]:
-    levels = levels_of(grid)
-    return levels if max(grid.shape) > LARGE_PX else levels[:1]
-
-
-def _tiff_facts(source: Source, names: Sequence[str], levels: Sequence[Level]) -> dict[str, object]:
-    return {
-        "channels": list(names),
-        "shape": [len(names), *source.grid.shape],
-        "step_mm": list(levels[0].step_mm(source.grid)),
-        "levels": len(levels),
-    }
-
-
-class _Counter:
-    def __init__(self, advance: Advance, total: int) -> None:
-        self._advance, self._total, self._done = advance, total, 0
-
-    def add(self, rows: int) -> None:
-        self._done += rows
-        self._advance(self._done / self._total)

@@ -10,12 +10,12 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import read_outline
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
 
-def write_quality(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_quality(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write one row a frame, by ascending z: geometry and quality of one side; units stand in the headings.
 
     Flags are true or false, unknown numbers empty. Raises :class:`EndoctError` where a side has to be chosen, or has
@@ -40,7 +40,7 @@ def write_quality(source: Source, path: Path, request: ExportRequest, stages: St
     return {"side": side, "rows": len(next(iter(columns.values()))), "columns": list(columns)}
 
 
-def _side(source: Source, side: str | None) -> str:
+def _side(source: Exportable, side: str | None) -> str:
     sides = tuple(source.panoramas)
     if not sides:
         raise EndoctError(f"{source.path} has nothing per frame", expected="a panorama, or a comparison of such")

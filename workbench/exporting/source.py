@@ -21,7 +21,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
-from endoct.workbench.exporting.image_layers import Ids, LabelLayer, Layer, even_rows, lies_evenly
+from endoct.workbench.exporting.image_layers import Ids, ImageLayer, LabelLayer, even_rows, lies_evenly
 from endoct.workbench.kinds import is_comparison
 
 Kind = Literal["panorama", "comparison", "truth"]
@@ -30,7 +30,7 @@ MOST_IDS = np.iinfo(np.uint16).max
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class Exportable:
     """What is exported.
 
     Attributes
@@ -49,7 +49,7 @@ class Source:
     kind: Kind
     grid: SurfaceGrid
     sides: tuple[str, ...]
-    layers: tuple[Layer, ...]
+    layers: tuple[ImageLayer, ...]
     labels: tuple[LabelLayer, ...] = ()
     alignment: Alignment | None = None
     panoramas: Mapping[str, Path] = field(default_factory=dict)
@@ -62,12 +62,12 @@ class Source:
         """A short name that every format can hold."""
         return visible(path_text(self.path.resolve().name)).removesuffix(".zarr")
 
-    def layer(self, side: str, quantity: str) -> Layer | None:
+    def layer(self, side: str, quantity: str) -> ImageLayer | None:
         """Return the layer of ``side``, None where it has none."""
-        return next((one for one in self.layers if (one.side, one.quantity) == (side, quantity)), None)
+        return next((layer for layer in self.layers if (layer.side, layer.quantity) == (side, quantity)), None)
 
 
-def open_for_export(path: Path) -> Source:
+def open_for_export(path: Path) -> Exportable:
     """Open what `endoct unroll`, `endoct compare` or `endoct simulate` wrote to ``path``.
 
     Raises :class:`EndoctError` where it is none of these, or damaged.
@@ -89,16 +89,16 @@ def open_for_export(path: Path) -> Source:
     )
 
 
-def _panorama(path: Path) -> Source:
+def _panorama(path: Path) -> Exportable:
     outline, cache = read_panorama(path), ChunkCache()
     grid, rows = even_rows(outline.grid)
     attributes, side = read_attributes(path), outline.modality
     stored = partial(_image, path, outline.grid, cache)
     valid = stored("valid")
-    layers = [Layer(f"{side} intensity", side, "intensity", "", stored("intensity"), valid, rows)]
+    layers = [ImageLayer(f"{side} intensity", side, "intensity", "", stored("intensity"), valid, rows)]
     if outline.has_depth:
         relief = stored("depth_mm")
-        layers.append(Layer(f"{side} relief", side, "relief", "mm", relief, valid, rows))
+        layers.append(ImageLayer(f"{side} relief", side, "relief", "mm", relief, valid, rows))
     notes = []
     if not attributes.get("handedness_known"):
         notes.append("Nothing says whether θ runs with or against the recording: what is exported may be mirrored.")
@@ -107,7 +107,7 @@ def _panorama(path: Path) -> Source:
     if not lies_evenly(outline.grid):
         notes.append(f"The rows lie unevenly; each exported one, every {grid.dz_mm:.4g} mm, is the nearest of them.")
     volume = path / "volume"
-    return Source(
+    return Exportable(
         path=path,
         folder=path,
         kind="panorama",
@@ -121,7 +121,7 @@ def _panorama(path: Path) -> Source:
     )
 
 
-def _comparison(path: Path, folder: Path) -> Source:
+def _comparison(path: Path, folder: Path) -> Exportable:
     store = folder / COMPARISON_STORE
     outline, cache = read_comparison(store), ChunkCache()
     grid, rows = even_rows(outline.grid)
@@ -131,14 +131,14 @@ def _comparison(path: Path, folder: Path) -> Source:
     for k, side in enumerate(outline.names):
         where = side if aligned or k == 0 else f"{side} (not aligned)"
         valid, mask, image = stored("valid", (k,)), stored("mask", (k,)), stored("intensity", (k,))
-        layers.append(Layer(f"{where} intensity", side, "intensity", "", image, valid, rows))
+        layers.append(ImageLayer(f"{where} intensity", side, "intensity", "", image, valid, rows))
         relief = stored("depth_mm", (k,))
         if _is_somewhere_known(relief):
-            layers.append(Layer(f"{where} relief", side, "relief", "mm", relief, valid, rows))
+            layers.append(ImageLayer(f"{where} relief", side, "relief", "mm", relief, valid, rows))
         labels.append(LabelLayer(f"{where} cells", side, partial(_cells, mask)))
         labels.append(LabelLayer(f"{where} observed", side, partial(_whole, valid)))
     stores = {side: folder / "panoramas" / f"{side}.zarr" for side in outline.names}
-    return Source(
+    return Exportable(
         path=path,
         folder=folder,
         kind="comparison",
@@ -153,7 +153,7 @@ def _comparison(path: Path, folder: Path) -> Source:
     )
 
 
-def _truth(path: Path, wall: Path) -> Source:
+def _truth(path: Path, wall: Path) -> Exportable:
     attributes, what, cache = read_attributes(wall), f"the truth {wall}", ChunkCache()
     z_mm = read_arrays(wall, ("z",)).get("z")
     relief, ids = stored_image(wall / "relief_mm", cache), stored_image(wall / "cell_id", cache)
@@ -165,13 +165,13 @@ def _truth(path: Path, wall: Path) -> Source:
         dz_mm=float(z_mm[-1] - z_mm[0]) / (z_mm.size - 1),
         radius_mm=number(attributes, "bore_radius_mm", 0.01, 1e3, what),
     )
-    return Source(
+    return Exportable(
         path=path,
         folder=wall.parent,
         kind="truth",
         grid=grid,
         sides=(TRUTH,),
-        layers=(Layer(f"{TRUTH} relief", TRUTH, "relief", "mm", relief, None, np.arange(grid.n_z)),),
+        layers=(ImageLayer(f"{TRUTH} relief", TRUTH, "relief", "mm", relief, None, np.arange(grid.n_z)),),
         labels=(LabelLayer(f"{TRUTH} cells", TRUTH, partial(_whole, ids)),),
         notes=("It lies in the frame of the bore, z from its mouth: not in that of a panorama of it.",),
     )

@@ -33,7 +33,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.exporting.formats import VOXEL_MM
 from endoct.workbench.exporting.image_layers import NOWHERE, even_rows
 from endoct.workbench.exporting.mark import BLANK, mark
-from endoct.workbench.exporting.source import Source
+from endoct.workbench.exporting.source import Exportable
 from endoct.workbench.requests import ExportRequest
 from endoct.workbench.running.progress import Stages
 
@@ -195,7 +195,7 @@ class GzipStream:
         self._file.write(self._deflate.flush() + struct.pack("<II", self._crc, self._size & 0xFFFFFFFF))
 
 
-def volume_of(source: Source, request: ExportRequest) -> Volume:
+def volume_of(source: Exportable, request: ExportRequest) -> Volume:
     """Return the volume of a source. Raises :class:`EndoctError` where it has none."""
     if source.volume is None:
         raise EndoctError(
@@ -217,7 +217,7 @@ def volume_facts(volume: Volume) -> dict[str, object]:
     }
 
 
-def write_nrrd(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_nrrd(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``: axes x, y, z in the space left-posterior-superior, mm. Returns what was written.
 
     Raises :class:`EndoctError` where there is none.
@@ -258,7 +258,7 @@ def _header(volume: Volume) -> str:
     return "\n".join(lines)
 
 
-def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
+def write_nifti(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
     """Write the volume of ``source``; sform and qform place it. Returns what was written.
 
     World coordinates of NIfTI run right, anterior, superior (RAS): (−x, −y, z) of the bore frame, which is a half turn
@@ -266,7 +266,9 @@ def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stag
     """
     volume = volume_of(source, request)
     packed = path.suffix == ".gz"
-    header = nifti_header(volume.shape, volume.dtype, _to_ras(volume), "bore, RAS", "" if packed else BLANK)
+    (dx, dy, dz), (x, y, z) = volume.step_mm, volume.origin_mm
+    to_ras = np.array([[-dx, 0, 0, -x], [0, -dy, 0, -y], [0, 0, dz, z], [0, 0, 0, 1]], dtype=np.float64)
+    header = nifti_header(volume.shape, volume.dtype, to_ras, "bore, RAS", "" if packed else BLANK)
     with stages.stage("NIfTI") as advance, path.open("wb") as file:
         stream = GzipStream(file, BLANK) if packed else file
         stream.write(header)
@@ -277,8 +279,3 @@ def write_nifti(source: Source, path: Path, request: ExportRequest, stages: Stag
             stream.finish()
     mark(path)
     return volume_facts(volume) | {"space": "RAS: −x, −y and z of the bore frame"}
-
-
-def _to_ras(volume: Volume) -> Coordinates:
-    (dx, dy, dz), (x, y, z) = volume.step_mm, volume.origin_mm
-    return np.array([[-dx, 0, 0, -x], [0, -dy, 0, -y], [0, 0, dz, z], [0, 0, 0, 1]], dtype=np.float64)

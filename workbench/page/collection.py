@@ -7,7 +7,6 @@ which sorts and filters it. Thumbnails are the wall as strips, z to the right an
 import io
 import math
 import os
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -32,12 +31,12 @@ from endoct.workbench.kinds import KINDS, SAMPLE, Kind, places_in, reader
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.layers import CODES
-from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.opening import open_shown, written_at
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import OVERLAP_PX, TILE_PX, Tile
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.next_steps import Stated, next_steps
-from endoct.workbench.report.verdict import Level, Verdict, recording_verdict, verdict_of
+from endoct.workbench.report.verdict import Level, recording_verdict, verdict_of
 from endoct.workbench.report.wording import NOTHING, interval_text
 
 MOST_ENTRIES = 5000
@@ -67,7 +66,7 @@ Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class Entry:
+class ListedOutput:
     """One of a collection: where it lies, ``name`` is its path below the collection with "/", and what is known of it.
 
     ``what`` are its sides, or how it was simulated; the scores are None where there are none; ``cells``: how many
@@ -103,7 +102,7 @@ class Entry:
         return bool(self.row.shown) and not self.fault
 
 
-def entries_in(folder: Path) -> tuple[Entry, ...]:
+def entries_in(folder: Path) -> tuple[ListedOutput, ...]:
     """Return what lies in ``folder``, by name. Links are not followed; what cannot be read says so itself.
 
     Raises :class:`EndoctError` where there is more than anybody could look through.
@@ -120,7 +119,7 @@ def entries_in(folder: Path) -> tuple[Entry, ...]:
     return tuple(sorted(found, key=lambda entry: entry.name))
 
 
-def read_collection(folder: Path) -> tuple[Entry, ...]:
+def read_collection(folder: Path) -> tuple[ListedOutput, ...]:
     """Return what :func:`entries_in` does. Raises :class:`EndoctError` where there is nothing, too."""
     entries = entries_in(folder)
     if not entries:
@@ -140,27 +139,28 @@ def check_no_links(path: Path) -> None:
                 raise EndoctError(f"{Path(below) / name} is a link", expected="what endoct wrote, and nothing else")
 
 
-def _entry(folder: Path, path: Path, row: Kind) -> Entry:
+def _entry(folder: Path, path: Path, row: Kind) -> ListedOutput:
     name = path.relative_to(folder).as_posix()
     try:
-        return Entry(path, name, row, **reader(row.listed)(path))
+        return ListedOutput(path, name, row, **reader(row.listed)(path))
     except EndoctError as error:
-        return Entry(path, name, row, fault=str(error))
+        return ListedOutput(path, name, row, fault=str(error))
 
 
 def listed_comparison(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a comparison."""
+    """Return what an :class:`ListedOutput` says of a comparison."""
     result = read_result(path)
     return {
         "what": " and ".join(result.sides),
-        **_verdict(verdict_of(result)),
+        "level": (verdict := verdict_of(result)).level,
+        "headline": verdict.headline,
         "jaccard": result.jaccard if result.aligned else None,
         "interval": result.overlap.jaccard_interval if result.overlap else None,
         "dice": result.dice if result.aligned else None,
         "cells": _cells(result) if result.aligned else None,
         "doubts": tuple(result.doubts),
         "steps": tuple(step.to_json(result) for step in next_steps(result, _stated(path, result))),
-        "written": _written(path / "result.json"),
+        "written": written_at(path / "result.json"),
         "inputs": tuple(result.inputs),
     }
 
@@ -180,44 +180,38 @@ def _cells(result: Result) -> tuple[int, int, int] | None:
 
 
 def listed_panorama(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a panorama."""
+    """Return what an :class:`ListedOutput` says of a panorama."""
     doubts = read_doubts(path)
     return {
         "what": str(read_attributes(path).get("modality", "")),
-        **_verdict(recording_verdict(doubts)),
+        "level": (verdict := recording_verdict(doubts)).level,
+        "headline": verdict.headline,
         "doubts": doubts,
-        "written": _written(path / "zarr.json"),
+        "written": written_at(path / "zarr.json"),
     }
 
 
 def listed_specimen(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a simulated specimen."""
+    """Return what an :class:`ListedOutput` says of a simulated specimen."""
     sample = read_object(path / SAMPLE)
     bore = sample.get("bore")
     bone = bore.get("bone") if isinstance(bore, dict) else None
     said = (("preset", sample.get("preset")), ("seed", sample.get("seed")), ("bone", bone))
     what = ", ".join(f"{name} {value}" for name, value in said if isinstance(value, str | int))
-    return {"what": what[:200], "written": _written(path / SAMPLE)}
+    return {"what": what[:200], "written": written_at(path / SAMPLE)}
 
 
 def listed_summary(path: Path) -> dict[str, Any]:
-    """Return what an :class:`Entry` says of a summary."""
-    return {"what": "of many", "written": _written(path / "summary.json")}
+    """Return what an :class:`ListedOutput` says of a summary."""
+    return {"what": "of many", "written": written_at(path / "summary.json")}
 
 
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {"level": verdict.level, "headline": verdict.headline}
-
-
-def _written(file: Path) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
-
-
-def collection_html(title: str, entries: Sequence[Entry], version: str) -> Markup:
+def collection_html(title: str, entries: Sequence[ListedOutput], version: str) -> Markup:
     """Return the page of a collection; ``version`` goes into the addresses of thumbnails, which browsers keep."""
     titles = [row.title for row in KINDS.values() if row.listed]
-    kinds = {title: sum(one.kind == title for one in entries) for title in titles}
-    levels = [level for level in LEVELS if any(one.level == level for one in entries)]
+    kinds = {title: sum(entry.kind == title for entry in entries) for title in titles}
+    order = list(LEVELS)
+    levels = [level for level in order if any(entry.level == level for entry in entries)]
     choices = [("", "all"), *((level, LEVELS[level]) for level in levels)]
     choices += [(kind, f"{kind}s") for kind, count in kinds.items() if 0 < count < len(entries)]
     return rendered(
@@ -229,23 +223,19 @@ def collection_html(title: str, entries: Sequence[Entry], version: str) -> Marku
         entries=entries,
         version=version,
         address_of=address_of,
-        level_of=_level,
+        # how far an entry is trusted: a key to sort by, and words
+        level_of=lambda one: (order.index(one.level), LEVELS[one.level]) if one.level else (len(order), NOTHING),
         numbers_of=_numbers,
         research=RESEARCH,
     )
 
 
-def address_of(entry: Entry, pages: str = PAGES) -> str:
+def address_of(entry: ListedOutput, pages: str = PAGES) -> str:
     """Return where the page of an entry is, below ``pages``."""
     return f"{pages}/{quote(os.fsencode(entry.name))}/"
 
 
-def _level(entry: Entry) -> tuple[int, str]:
-    """Return how far an entry is trusted: a key to sort by, and words."""
-    return (list(LEVELS).index(entry.level), LEVELS[entry.level]) if entry.level else (len(LEVELS), NOTHING)
-
-
-def _numbers(entry: Entry) -> Iterator[tuple[str, str, str]]:
+def _numbers(entry: ListedOutput) -> Iterator[tuple[str, str, str]]:
     """Yield the numbers of an entry by column: a key to sort by, the text, and its interval."""
     yield *_number(entry.jaccard), interval_text(entry.interval).removeprefix("95 % interval ")
     yield *_number(entry.dice), ""
@@ -262,7 +252,7 @@ def _number(value: float | None) -> tuple[str, str]:
     return f"{value:.9f}", f"{value:.3f}"
 
 
-def thumbnail(entry: Entry) -> bytes:
+def thumbnail(entry: ListedOutput) -> bytes:
     """Return a PNG of what the page of ``entry`` shows first; of a simulated specimen, its true relief.
 
     Raises :class:`EndoctError` where it cannot be read.

@@ -126,11 +126,8 @@ class DrawnMasks:
         self.origin.check_present()
         posted = object_in(data, POSTED)
         side = self._side(posted)
-        return (
-            side,
-            painted(shapes_from(posted.get("shapes")), self.sides[side].grid, self._ground(side, posted)),
-            posted,
-        )
+        shapes, ground = shapes_from(posted.get("shapes")), self._ground(side, posted)
+        return side, painted(shapes, self.sides[side].grid, ground), posted
 
     def _ground(self, side: str, posted: Mapping[str, Any]) -> Mask | None:
         """Return what is drawn on: nothing, the cells of the side, or a mask that was saved."""
@@ -235,7 +232,9 @@ def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = No
     mask = np.zeros(grid.shape, np.bool_) if ground is None else ground.copy()
     for shape in shapes:
         if shape.radius_mm == 0:
-            mask = flooded(mask, *_sample(shape.points[0], grid), adds=shape.adds)
+            theta_rad, z_mm = shape.points[0]
+            row, column = int(np.abs(grid.z_mm - z_mm).argmin()), round(float(grid.column_of(theta_rad))) % grid.n_theta
+            mask = flooded(mask, row, column, adds=shape.adds)
         elif shape.radius_mm is None:
             rows = np.interp(shape.points[:, 1], grid.z_mm, np.arange(grid.n_z), left=-1, right=grid.n_z)
             columns = (shape.points[:, 0] - grid.theta0_rad) / grid.dtheta_rad
@@ -243,11 +242,6 @@ def painted(shapes: Sequence[Shape], grid: SurfaceGrid, ground: Mask | None = No
         else:
             _stroke(mask, shape.points, shape.radius_mm, grid, shape.adds)
     return mask
-
-
-def _sample(point: Coordinates, grid: SurfaceGrid) -> tuple[int, int]:
-    """Return the row and the column of the sample nearest to (θ, z)."""
-    return int(np.abs(grid.z_mm - point[1]).argmin()), round(float(grid.column_of(point[0]))) % grid.n_theta
 
 
 def _stroke(mask: Mask, points: Coordinates, radius_mm: float, grid: SurfaceGrid, value: bool) -> None:
@@ -299,7 +293,7 @@ def _shape(posted: Any) -> Shape:
         raise EndoctError("a brush cannot be used", found=repr(radius_mm)[:40], expected=f"up to {MOST_RADIUS_MM:g} mm")
     points = posted.get("points")
     listed = points if isinstance(points, list) and len(points) <= MOST_POINTS else []
-    if not listed or not all(map(_is_point, listed)):
+    if not listed or not all(isinstance(at, list) and len(at) == 2 and all(map(_is_number, at)) for at in listed):
         raise EndoctError("a shape has points that cannot be used", expected=f"1 to {MOST_POINTS} of θ and z")
     places = np.asarray(listed, np.float64)
     farthest = np.abs(places).max(axis=0)
@@ -310,10 +304,6 @@ def _shape(posted: Any) -> Shape:
     if radius_mm == 0 and len(places) != 1:
         raise EndoctError("a click has one place", found=f"{len(places)} points")
     return Shape(places, posted["adds"], None if radius_mm is None else float(radius_mm))
-
-
-def _is_point(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
 
 
 def _is_number(value: object) -> bool:

@@ -19,7 +19,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import kind_of
 from endoct.base.files.json_values import object_in
 from endoct.workbench.exporting.formats import FORMATS, Format
-from endoct.workbench.exporting.source import Source, open_for_export
+from endoct.workbench.exporting.source import Exportable, open_for_export
 from endoct.workbench.page.presence import Origin
 from endoct.workbench.requests import ExportRequest, OmeVersion
 from endoct.workbench.running.refusals import with_flags
@@ -136,7 +136,7 @@ def _free(folder: Path, suffix: str) -> Path:
     return path
 
 
-def _refused(one: Format, source: Source) -> str:
+def _refused(one: Format, source: Exportable) -> str:
     """Return why there is nothing to write in a format, "" where there is."""
     lacking = {
         "nrrd": "" if source.volume else "only of a panorama unrolled with --volume",
@@ -147,7 +147,7 @@ def _refused(one: Format, source: Source) -> str:
     return lacking.get("nrrd" if one.name == "nifti" else one.name, "")
 
 
-def _option(name: str, one: Format, source: Source) -> dict[str, Any]:
+def _option(name: str, one: Format, source: Exportable) -> dict[str, Any]:
     """Return an option with what it can be, first what it is unless said otherwise; None: a number."""
     choices: dict[str, list[str]] = {
         "color": ["", *source.sides, "relief"],

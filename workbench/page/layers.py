@@ -6,9 +6,9 @@ one small array, from which the page builds the wall in three dimensions.
 
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypedDict
+from typing import Any
 
 import cv2
 import numpy as np
@@ -160,12 +160,6 @@ def png_of(picture: Pillow.Image) -> bytes:
     return file.getvalue()
 
 
-class _Sampling(TypedDict):
-    finest_level: int
-    row_mm: float
-    column_mm: float
-
-
 @dataclass(frozen=True, eq=False)
 class Described:
     """A layer, and its description for the page."""
@@ -184,48 +178,35 @@ def panorama_layers(store: Path, outline: PanoramaOutline, wall: TileWall, cache
     """Yield the layers of a panorama by itself."""
     placing = placing_of(outline.grid)
     for name in ("intensity", *_depths(outline)):
-        plane = _plane(store, name, (), placing, wall, cache)
-        yield Described(
-            layer := scalar(plane), _scalar_part(outline.modality, name, layer.low, layer.high, plane, wall)
-        )
+        yield _numbers(outline.modality, outline.modality, name, _plane(store, name, (), placing, wall, cache), wall)
 
 
 def comparison_layers(
     folder: Path, outline: ComparisonOutline, sides: Sequence[PanoramaOutline], wall: TileWall, cache: ChunkCache
 ) -> Iterator[Described]:
     """Yield the layers of a comparison of ``sides``: images on their own samples, cells on the common grid."""
-    common = folder / COMPARISON_STORE
-    masks = [_plane(common, "mask", (k,), placing_of(outline.grid), wall, cache) for k in (0, 1)]
+    common, placing = folder / COMPARISON_STORE, placing_of(outline.grid)
+    masks = [_plane(common, "mask", (k,), placing, wall, cache) for k in (0, 1)]
     images = [list(_images(folder, outline, sides[k], k, wall, cache)) for k in (0, 1)]
     both = [plane for of_side in images for _, plane in of_side]
     list(thread_map(Plane.overview, both))  # every scale needs one: made side by side, they are there sooner
     for k, side in enumerate(outline.names):
         for name, plane in images[k]:
-            yield Described(layer := scalar(plane), _scalar_part(side, name, layer.low, layer.high, plane, wall))
-        shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(CELL_COLOURS[k]))
-        part = _classes_part(f"{side}-{CELLS}", f"{side}: cells", side, shown, masks[k], wall)
-        yield Described(Classes((masks[k],), (COLOURS[NEITHER], CELL_COLOURS[k])), part)
+            yield _numbers(side, side, name, plane, wall)
+        yield _cells(f"{side}-{CELLS}", f"{side}: cells", side, masks[k], CELL_COLOURS[k], wall)
     yield from _drawn_layers(folder, outline.names[0], wall, cache)
     if outline.alignment is not None and (folder / WALL_STORE).is_dir():
-        yield from _wall_layers(folder / WALL_STORE, placing_of(outline.grid), wall, cache)
+        store = folder / WALL_STORE
+        yield _numbers(WALL, None, "depth_mm", _plane(store, "depth_mm", (), placing, wall, cache), wall)
+        cells = Plane(stored_image(store / PROBABILITY, cache, ()), None, placing, wall.radius_mm)
+        yield _numbers(WALL, None, PROBABILITY, cells, wall)
+        yield _cells(f"{WALL}-{CELLS}", f"{WALL}: {CELLS}", None, cells, WALL_COLOUR, wall)
     if outline.alignment is not None:
         a, b = outline.names
         labels = {NEITHER: "neither", BOTH: "both", ONLY_A: f"only {a}", ONLY_B: f"only {b}"}
         classes = tuple(ClassPart(labels[code], hex_of(COLOURS[code])) for code in sorted(labels))
         part = _classes_part(DIFFERENCE, "cells: difference", None, classes, masks[0], wall)
         yield Described(Classes(tuple(masks), COLOURS), part)
-
-
-def _wall_layers(store: Path, placing: Placing, wall: TileWall, cache: ChunkCache) -> Iterator[Described]:
-    """Yield relief, probability of a cell, and cells of the one wall of both sides."""
-    relief = _plane(store, "depth_mm", (), placing, wall, cache)
-    cells = Plane(stored_image(store / PROBABILITY, cache, ()), None, placing, wall.radius_mm)
-    for name, plane in (("depth_mm", relief), (PROBABILITY, cells)):
-        layer = scalar(plane)
-        yield Described(layer, replace(_scalar_part(WALL, name, layer.low, layer.high, plane, wall), side=None))
-    shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(WALL_COLOUR))
-    part = _classes_part(f"{WALL}-{CELLS}", f"{WALL}: {CELLS}", None, shown, cells, wall)
-    yield Described(Classes((cells,), (COLOURS[NEITHER], WALL_COLOUR)), part)
 
 
 def rings(contradictions: Iterable[Contradiction], radius_mm: float) -> tuple[tuple[float, ...], ...]:
@@ -252,9 +233,15 @@ def _drawn_layers(folder: Path, side: str, wall: TileWall, cache: ChunkCache) ->
 
 def drawn_layer(key: str, title: str, side: str, plane: Plane, k: int, wall: TileWall) -> Described:
     """Return a mask drawn by hand on the wall of ``side`` as a layer, the ``k``-th of some."""
-    colour = DRAWN_COLOURS[k % len(DRAWN_COLOURS)]
-    shown = ClassPart("no cell", hex_of(COLOURS[NEITHER])), ClassPart("cell", hex_of(colour))
-    return Described(Classes((plane,), (COLOURS[NEITHER], colour)), _classes_part(key, title, side, shown, plane, wall))
+    return _cells(key, title, side, plane, DRAWN_COLOURS[k % len(DRAWN_COLOURS)], wall)
+
+
+def _cells(
+    key: str, title: str, side: str | None, plane: Plane, colour: tuple[int, int, int], wall: TileWall
+) -> Described:
+    colours = COLOURS[NEITHER], colour
+    classes = tuple(ClassPart(label, hex_of(of)) for label, of in zip(("no cell", "cell"), colours, strict=True))
+    return Described(Classes((plane,), colours), _classes_part(key, title, side, classes, plane, wall))
 
 
 def is_drawn_key(key: str) -> bool:
@@ -293,36 +280,24 @@ def _plane(
     return Plane(image, observed, placing, wall.radius_mm)
 
 
-def _scalar_part(side: str, name: str, low: float, high: float, plane: Plane, wall: TileWall) -> LayerPart:
-    key, title, quantity, unit = TITLES[name]
+def _numbers(named: str, side: str | None, name: str, plane: Plane, wall: TileWall) -> Described:
+    layer, (key, title, quantity, unit) = scalar(plane), TITLES[name]
     shown_low, shown_high = shown_range(plane.overview().averaged)
-    return LayerPart(
-        key=f"{side}-{key}",
-        title=f"{side}: {title}",
-        side=side,
-        kind="scalar",
-        quantity=quantity,
-        unit=unit,
-        low=low,
-        high=high,
-        shown_low=shown_low,
-        shown_high=shown_high,
-        classes=(),
-        **_sampling(plane, wall),
-    )
+    limits = layer.low, layer.high, shown_low, shown_high
+    sampled, words = _sampling(plane, wall), (quantity, unit)
+    part = LayerPart(f"{named}-{key}", f"{named}: {title}", side, "scalar", *words, *limits, classes=(), **sampled)
+    return Described(layer, part)
 
 
 def _classes_part(
     key: str, title: str, side: str | None, classes: tuple[ClassPart, ...], plane: Plane, wall: TileWall
 ) -> LayerPart:
     last = float(len(classes) - 1)
-    return LayerPart(
-        key=key, title=title, side=side, kind="classes", quantity="cells", unit="", low=0.0, high=last,
-        shown_low=0.0, shown_high=last, classes=classes, **_sampling(plane, wall),
-    )  # fmt: skip
+    sampled, limits = _sampling(plane, wall), (0.0, last, 0.0, last)
+    return LayerPart(key, title, side, "classes", "cells", "", *limits, classes=classes, **sampled)
 
 
-def _sampling(plane: Plane, wall: TileWall) -> _Sampling:
+def _sampling(plane: Plane, wall: TileWall) -> dict[str, Any]:
     row_mm, column_mm = plane.placing.row_height_mm, plane.placing.dtheta_mm(wall.radius_mm)
     return {"finest_level": wall.level_for(min(row_mm, column_mm)), "row_mm": row_mm, "column_mm": column_mm}
 

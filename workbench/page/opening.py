@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,32 +87,31 @@ def opened_comparison(origin: Origin) -> Shown:
     """Open a comparison. Raises :class:`EndoctError` where it is damaged."""
     folder = origin.folder
     outline = read_comparison(folder / COMPARISON_STORE)
-    wall = wall_of(outline.grid)
-    outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in outline.names]
+    wall, names, aligned = wall_of(outline.grid), outline.names, outline.alignment is not None
+    outlines = [read_panorama(folder / "panoramas" / f"{name}.zarr") for name in names]
     described = list(comparison_layers(folder, outline, outlines, wall, ChunkCache(CACHE_BYTES)))
-    own = dict(zip(outline.names, outlines, strict=True))
+    own = dict(zip(names, outlines, strict=True))
     described += saved_layers(folder, own, outline, wall)
-    aligned = outline.alignment is not None
-    sides = {name: _side(of_side, folder) for name, of_side in zip(outline.names, outlines, strict=True)}
+    sides = {name: _side(of_side, folder) for name, of_side in own.items()}
     frames = [
         frames_part(name, side.outline, outline.alignment if k else None, side.pictures, side.reader)
         for k, (name, side) in enumerate(sides.items())
     ]
-    contradictions = (
-        () if outline.result.wall is None or outline.alignment is None else outline.result.wall.contradictions
-    )
-    real = cells_by_truth(folder, outline.names) if outline.cells else {}
-    stated = {name: side.provenance for name, side in zip(outline.names, outlines, strict=True)}
+    contradictions = outline.result.wall.contradictions if outline.result.wall is not None and aligned else ()
+    real = cells_by_truth(folder, names) if outline.cells else {}
+    stated = {name: side.provenance for name, side in own.items()}
     heading = comparison_heading(_name(folder), _facts(folder / "result.json", wall), outline, stated)
-    description = Description(
-        title=heading.title,
-        verdict=_spoken_against(heading),
-        endoct=heading.endoct,
-        sides=outline.names,
-        wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
-        layers=tuple(one.part for one in described),
-        outlines=(*_outlines(described, outline.names[0]), *_rings_part(contradictions, outline.names[0])),
-        cells=tuple(cell_parts(outline.cells, outline.names, real, contradictions, aligned=aligned)),
+    outlined = list(_outlines(described, names[0]))
+    if contradictions:
+        title = f"{len(contradictions)} contradiction{'s' if len(contradictions) != 1 else ''}"
+        outlined.append(OutlinePart(CONTRADICTIONS, names[0], title, hex_of(RING_COLOUR), is_drawn=True))
+    description = _description(
+        heading,
+        wall,
+        described,
+        sides=names,
+        outlines=tuple(outlined),
+        cells=tuple(cell_parts(outline.cells, names, real, contradictions, aligned=aligned)),
         frames=tuple(frames),
         panes=_first_panes(described, outline),
         has_common_places=aligned,
@@ -119,7 +119,7 @@ def opened_comparison(origin: Origin) -> Shown:
     )
     layers = {one.part.key: one.layer for one in described}
     sections, session = comparison_sections(outline.result), session_of(origin, outline, (outlines[0], outlines[1]))
-    masks = DrawnMasks(origin, outline, {name: side.outline for name, side in sides.items()}, session.refused)
+    masks = DrawnMasks(origin, outline, own, session.refused)
     rings_by_key = {CONTRADICTIONS: rings(contradictions, wall.radius_mm)} if contradictions else {}
     return Shown(heading, sections, description, wall, layers, origin, sides, session, masks, rings=rings_by_key)
 
@@ -132,13 +132,11 @@ def opened_panorama(origin: Origin) -> Shown:
     described = list(panorama_layers(store, outline, wall, ChunkCache(CACHE_BYTES)))
     side = _side(outline, store)
     heading = panorama_heading(_name(store), _facts(store / "zarr.json", wall), outline)
-    description = Description(
-        title=heading.title,
-        verdict=_spoken_against(heading),
-        endoct=heading.endoct,
+    description = _description(
+        heading,
+        wall,
+        described,
         sides=(outline.modality,),
-        wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
-        layers=tuple(one.part for one in described),
         outlines=(),
         cells=(),
         frames=(frames_part(outline.modality, outline, None, side.pictures, side.reader),),
@@ -151,22 +149,30 @@ def opened_panorama(origin: Origin) -> Shown:
     return Shown(heading, sections, description, wall, layers, origin, sides, panorama=store)
 
 
+def _description(heading: Heading, wall: TileWall, described: Iterable[Described], **rest: Any) -> Description:
+    return Description(
+        title=heading.title,
+        verdict="" if heading.verdict.level == "trusted" else heading.verdict.headline,
+        endoct=heading.endoct,
+        wall=WallPart(wall.radius_mm, wall.top_mm, wall.bottom_mm),
+        layers=tuple(one.part for one in described),
+        **rest,
+    )
+
+
 def _side(outline: PanoramaOutline, folder: Path) -> ShownSide:
     recording = recording_of(outline, folder)
     return ShownSide(outline, folder / PICTURES, None if recording is None else Reader(recording))
 
 
-def _spoken_against(heading: Heading) -> str:
-    return "" if heading.verdict.level == "trusted" else heading.verdict.headline
-
-
 def _facts(file: Path, wall: TileWall) -> tuple[Fact, ...]:
-    written = time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
-    return (
-        ("written", written),
-        ("bore", f"⌀ {2 * wall.radius_mm:.3g} mm"),
-        ("z", f"{wall.top_mm:.2f} to {wall.bottom_mm:.2f} mm".replace("-", "−")),
-    )
+    z = f"{wall.top_mm:.2f} to {wall.bottom_mm:.2f} mm".replace("-", "−")
+    return ("written", written_at(file)), ("bore", f"⌀ {2 * wall.radius_mm:.3g} mm"), ("z", z)
+
+
+def written_at(file: Path) -> str:
+    """Return when a file was written, to the minute."""
+    return time.strftime("%Y-%m-%d %H:%M", time.localtime(file.stat().st_mtime))
 
 
 def _outlines(described: Iterable[Described], frame_of: str) -> Iterator[OutlinePart]:
@@ -177,12 +183,6 @@ def _outlines(described: Iterable[Described], frame_of: str) -> Iterator[Outline
             side, colour, is_drawn = one.part.side, one.part.classes[-1].colour, is_drawn_key(one.part.key)
             title = one.part.title if is_drawn else side
             yield OutlinePart(one.part.key, side, title, colour, is_drawn)
-
-
-def _rings_part(contradictions: Sequence[Contradiction], frame_of: str) -> Iterator[OutlinePart]:
-    if contradictions:
-        title = f"{len(contradictions)} contradiction{'s' if len(contradictions) != 1 else ''}"
-        yield OutlinePart(CONTRADICTIONS, frame_of, title, hex_of(RING_COLOUR), is_drawn=True)
 
 
 def _first_panes(described: Iterable[Described], outline: ComparisonOutline) -> tuple[str, ...]:
@@ -212,42 +212,16 @@ def cell_parts(
 
     A cell that is one of the ``contradictions`` says so.
     """
-    contradicted = [(each.shown_by, each.theta_rad, each.z_mm) for each in contradictions]
     for cell in cells:
         other = names[1] if cell.side == names[0] else names[0]
         is_real = real.get((cell.side, cell.id))
         state, why = _seen(cell, other, aligned=aligned)
-        if any(_is_there(cell, *place) for place in contradicted):
+        near = [one for one in contradictions if abs(cell.z_mm - one.z_mm) < cell.diameter_mm / 2]
+        turned_rad = [cell.theta_rad - one.theta_rad for one in near if one.shown_by == cell.side]
+        if any(abs(math.remainder(turn_rad, 2 * math.pi)) < math.radians(10) for turn_rad in turned_rad):
             why += ", surely: the two contradict each other"
         truth = "" if is_real is None else f"; the truth has {'a cell' if is_real else 'no cell'} there"
-        yield CellPart(
-            side=cell.side,
-            id=cell.id,
-            theta_rad=cell.theta_rad,
-            z_mm=cell.z_mm,
-            area_mm2=cell.area_mm2,
-            diameter_mm=cell.diameter_mm,
-            depth_median_mm=cell.depth_median_mm,
-            depth_p95_mm=cell.depth_p95_mm,
-            volume_mm3=cell.volume_mm3,
-            depth_of=cell.depth_of,
-            contrast=cell.contrast,
-            touches_edge=cell.touches_edge,
-            observed_by_other=cell.observed_by_other,
-            covered=cell.covered,
-            seen_by=cell.seen_by,
-            partner=cell.partner,
-            overlap=cell.overlap,
-            state=state,
-            why=why + truth,
-            is_real=is_real,
-        )
-
-
-def _is_there(cell: Cell, side: str, theta_rad: float, z_mm: float) -> bool:
-    """Say whether a cell of ``side`` has its middle at a place, to within its radius along the bore and 10°."""
-    near_rad = abs(math.remainder(cell.theta_rad - theta_rad, 2 * math.pi))
-    return cell.side == side and near_rad < math.radians(10) and abs(cell.z_mm - z_mm) < cell.diameter_mm / 2
+        yield CellPart(**vars(cell), diameter_mm=cell.diameter_mm, state=state, why=why + truth, is_real=is_real)
 
 
 def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:
@@ -270,9 +244,11 @@ def cells_by_truth(folder: Path, names: tuple[str, str]) -> dict[tuple[str, int]
     The truth is the one mask that was given, or what most raters drew. Cells of which it was given for less than half
     are left out; all are where there is no truth. Raises :class:`EndoctError` where a store is damaged.
     """
-    k = _which_truth(folder)
-    if k is None:
+    drawn = read_drawn(folder)
+    raters = [] if drawn is None else [rater for rater, _ in drawn.drawn_by]
+    if len(raters) != 1 and MAJORITY not in raters:
         return {}
+    k = 0 if len(raters) == 1 else raters.index(MAJORITY)
     with refusing(f"{folder} cannot be read"):
         truth = read_arrays(folder / DRAWN_STORE, ("mask", "valid"))
         masks = read_arrays(folder / COMPARISON_STORE, ("mask",))["mask"]
@@ -281,17 +257,6 @@ def cells_by_truth(folder: Path, names: tuple[str, str]) -> dict[tuple[str, int]
         for side, mask in zip(names, masks, strict=True)
         for number, is_real in _real(mask, truth["mask"][k], truth["valid"][k])
     }
-
-
-def _which_truth(folder: Path) -> int | None:
-    """Return which of the drawn masks is the truth."""
-    drawn = read_drawn(folder)
-    if drawn is None:
-        return None
-    raters = [rater for rater, _ in drawn.drawn_by]
-    if len(raters) == 1:
-        return 0
-    return raters.index(MAJORITY) if MAJORITY in raters else None
 
 
 def _real(mask: Mask, truth: Mask, valid: Mask) -> Iterator[tuple[int, bool]]:

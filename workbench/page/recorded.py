@@ -205,12 +205,11 @@ def _points(curve: NDArray[np.float64]) -> Sequence[Sequence[float | None]]:
 def _seen(seen: Seen | None) -> dict[str, Any] | None:
     if seen is None:
         return None
-    x, y = ([[_known(value) for value in row] for row in seen.xy[..., k].tolist()] for k in (0, 1))
+    x, y = (
+        [[float(f"{value:.5g}") if math.isfinite(value) else None for value in row] for row in seen.xy[..., k].tolist()]
+        for k in (0, 1)
+    )
     return {"z_mm": [round(z_mm, 6) for z_mm in seen.z_mm.tolist()], "x": x, "y": y}
-
-
-def _known(value: float) -> float | None:
-    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 def _jpeg(image: NDArray[Any]) -> bytes:

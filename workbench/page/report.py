@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Any
 
 from markupsafe import Markup
-from PIL import Image as Pillow
 
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
@@ -22,7 +20,6 @@ from endoct.base.files.output import check_output, new_output
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.kinds import output_at
-from endoct.workbench.page.description import Description
 from endoct.workbench.page.heading import bundled, document
 from endoct.workbench.page.layers import MOST_SAMPLES, is_blank, png_of
 from endoct.workbench.page.opening import open_shown
@@ -156,38 +153,22 @@ def frozen_data(shown: Shown) -> Markup:
 
     Tiles go down to the finest level for which there is room.
     """
+    # without what only a server can do: to read recordings again, and to send a volume
+    frames, keys = tuple(replace(part, recording="") for part in shown.description.frames), shown.reliefs
     held = {
-        "description": _alone(shown.description).to_json(),
+        "description": replace(shown.description, frames=frames, has_volume=False).to_json(),
         "outlines": shown.outlines(),
-        "pictures": pictures_of(shown),
+        "pictures": {
+            part.side: {str(place): shown.pictures(part.side, place) for place in part.pictured} for part in frames
+        },
         "tiles": tiles_of(shown),
-        "reliefs": reliefs_of(shown),
+        # together they have no more samples than one may have
+        "reliefs": {key: _base64(shown.relief(key, MOST_SAMPLES // len(keys))) for key in keys},
         "session": None if shown.session is None else shown.session.state(offline=True),
         "type": "image/png",
     }
     # within a script element nothing but "<" can end it
     return Markup(json.dumps(held, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"))
-
-
-def _alone(description: Description) -> Description:
-    """Return the description without what only a server can do: to read recordings again, and to send a volume."""
-    frames = tuple(replace(part, recording="") for part in description.frames)
-    return replace(description, frames=frames, has_volume=False)
-
-
-def pictures_of(shown: Shown) -> dict[str, dict[str, list[dict[str, Any]]]]:
-    """Return the stored pictures of single frames by side, then by the frame's place."""
-    return {
-        part.side: {str(place): shown.pictures(part.side, place) for place in part.pictured}
-        for part in shown.description.frames
-    }
-
-
-def reliefs_of(shown: Shown) -> dict[str, str]:
-    """Return the reliefs of the sides in base64; together they have no more samples than one may have."""
-    keys = shown.reliefs
-    held = {key: shown.relief(key, MOST_SAMPLES // len(keys)) for key in keys}
-    return {key: base64.b64encode(one).decode("ascii") for key, one in held.items()}
 
 
 def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:
@@ -209,7 +190,7 @@ def tiles_of(shown: Shown) -> dict[str, list[dict[str, str]]]:
 def _level(shown: Shown, key: str, level: int) -> dict[str, str]:
     def coded(row: int) -> dict[str, str]:
         tiles = enumerate(shown.row_of_tiles(key, level, row))
-        return {f"{column}_{row}": _base64(tile) for column, tile in tiles if not is_blank(tile)}
+        return {f"{column}_{row}": _base64(png_of(tile)) for column, tile in tiles if not is_blank(tile)}
 
     held: dict[str, str] = {}
     for one in thread_map(coded, range(shown.wall.rows_of_tiles(level))):
@@ -217,10 +198,10 @@ def _level(shown: Shown, key: str, level: int) -> dict[str, str]:
     return held
 
 
-def _base64(tile: Pillow.Image) -> str:
-    return base64.b64encode(png_of(tile)).decode("ascii")
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
 
 
 def _digest(text: str) -> str:
     """Return the hash by which a content security policy allows a script or style."""
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+    return f"'sha256-{_base64(hashlib.sha256(text.encode()).digest())}'"

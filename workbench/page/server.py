@@ -6,7 +6,7 @@ sends. Only the page that the server served itself may ask, by the name under wh
 
 import json
 import threading
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from importlib.resources import files
@@ -48,14 +48,9 @@ HEADERS = {
     "x-content-type-options": "nosniff",
 }
 PACKAGE = "endoct.workbench.page"
-TYPES = {
-    "page.js": "text/javascript",
-    "cylinder.js": "text/javascript",
-    "folder.js": "text/javascript",
-    "desk.js": "text/javascript",
-    "page.css": "text/css",
-    "desk.css": "text/css",
-}
+ASSETS = ("page.js", "cylinder.js", "folder.js", "desk.js", "page.css", "desk.css")
+TYPES = {"js": "text/javascript", "css": "text/css"}
+"""Media types by suffix."""
 MOST_DIGITS = 9
 """Digits of a number in an address; longer ones name nothing here."""
 KEPT = "private, max-age=3600"
@@ -193,7 +188,7 @@ class _Answers:
             "/outlines.json": lambda _: Json(shown.outlines(), headers=FRESH),
             "/values.json": self.values,
             "/relief/{version}/{key}.bin": self.relief,
-            "/volume/{version}.bin": lambda _: _kept_bytes(shown.volume()),
+            "/volume/{version}.bin": lambda _: kept(shown.volume()),
             "/pictures/{version}/{side}/{place}.json": self.pictures,
             "/reading/{side}": self.reading,
             "/tiles/{version}/{key}/{level}/{column}_{row}.png": self.tile,
@@ -217,55 +212,44 @@ class _Answers:
         ]
 
     def page(self, _: Request) -> Response:
-        """Answer with the page itself."""
-        shown = self._shown
-        output = shown.origin.digest
-        html = document(
-            "page/served.html", shown.heading, shown.sections, above=self._above, manual="manual/", output=output
-        )
+        shown, options = self._shown, {"manual": "manual/", "output": self._shown.origin.digest}
+        html = document("page/served.html", shown.heading, shown.sections, above=self._above, **options)
         return HTMLResponse(html, headers=FRESH)
 
     def description(self, _: Request) -> Response:
-        """Answer with the description of what is shown."""
         return Response(self._description, media_type="application/json", headers=FRESH)
 
     def tile(self, request: Request) -> Response:
-        """Answer with a tile of a layer as PNG."""
         level, column, row = (whole_number(request.path_params[name]) for name in ("level", "column", "row"))
-        png = png_of(self._shown.tile(request.path_params["key"], Tile(level, column, row)))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+        return kept(png_of(self._shown.tile(request.path_params["key"], Tile(level, column, row))), "image/png")
 
     def relief(self, request: Request) -> Response:
-        """Answer with the relief of a side."""
-        return _kept_bytes(self._shown.relief(request.path_params["key"]))
+        return kept(self._shown.relief(request.path_params["key"]))
 
     def values(self, request: Request) -> Response:
-        """Answer with the values of all layers at a place."""
         theta_rad = _place(request, "theta_rad", MOST_TURNS_RAD)
         z_mm = _place(request, "z_mm", FARTHEST_MM)
         return Json(self._shown.values_at(theta_rad, z_mm), headers=FRESH)
 
     def pictures(self, request: Request) -> Response:
-        """Answer with the pictures of a frame."""
         found = self._shown.pictures(request.path_params["side"], whole_number(request.path_params["place"]))
         return Json(found, headers={"cache-control": KEPT})
 
     def reading(self, request: Request) -> Response:
-        """Say how far a recording was read again."""
         reader = self._shown.side(request.path_params["side"]).reader
         if reader is None:
             return Json({"state": "absent", "share": 0.0, "said": "the recording is not there"})
         return Json({"state": reader.state, "share": reader.share, "said": reader.said}, headers=FRESH)
 
     def begin_reading(self, request: Request) -> Response:
-        """Begin to read a recording again, and say how far that is."""
         if (reader := self._shown.side(request.path_params["side"]).reader) is not None:
             reader.start()
         return self.reading(request)
 
 
-def _kept_bytes(content: bytes) -> Response:
-    return Response(content, media_type="application/octet-stream", headers={"cache-control": KEPT})
+def kept(content: bytes, media_type: str = "application/octet-stream") -> Response:
+    """Return an answer that a browser may keep for a while."""
+    return Response(content, media_type=media_type, headers={"cache-control": KEPT})
 
 
 @asynccontextmanager
@@ -278,10 +262,10 @@ async def few_threads(_: Starlette) -> AsyncIterator[None]:
 def asset(request: Request) -> Response:
     """Answer with a file of the page; there are no others."""
     name = request.path_params["name"]
-    if name not in TYPES:
+    if name not in ASSETS:
         return PlainTextResponse("there is no such page", status_code=404)
-    content = files(PACKAGE).joinpath("bundle", name).read_bytes()
-    return Response(content, media_type=f"{TYPES[name]}; charset=utf-8", headers={"cache-control": "no-cache"})
+    content, suffix = files(PACKAGE).joinpath("bundle", name).read_bytes(), name.rpartition(".")[2]
+    return Response(content, media_type=f"{TYPES[suffix]}; charset=utf-8", headers={"cache-control": "no-cache"})
 
 
 def manual(request: Request) -> Response:
@@ -323,32 +307,26 @@ class Json(JSONResponse):
         )
 
 
-async def not_found(_: Request, error: Any) -> Response:
-    """Answer that there is no such thing."""
-    return PlainTextResponse(str(error), status_code=404)
+def _answering(
+    status: int, headers: dict[str, str] | None = None, say: Callable[[Any], str] = str
+) -> Callable[[Request, Any], Awaitable[Response]]:
+    """Return what answers an error with a status and its text."""
+
+    async def answer(_: Request, error: Any) -> Response:
+        return PlainTextResponse(say(error), status_code=status, headers=headers)
+
+    return answer
 
 
-async def not_there(_: Request, error: Any) -> Response:
-    """Answer that the output which the page shows is gone."""
-    return PlainTextResponse(str(error), status_code=410, headers=FRESH)
-
-
-async def not_read(_: Request, error: Any) -> Response:
-    """Answer that the system has no such file, or cannot read it."""
-    return PlainTextResponse(visible(cause_of(error)), status_code=404)
-
-
-async def failed(_: Request, error: Any) -> Response:
-    """Answer that something cannot be read."""
-    return PlainTextResponse(str(error), status_code=500)
+_NOT_READ = _answering(404, say=lambda error: visible(cause_of(error)))  # the system has no such file, or refuses it
 
 
 ANSWERS_TO_ERRORS: dict[Any, Any] = {
-    NoSuchTile: not_found,
-    Gone: not_there,
-    EndoctError: failed,
-    OSError: not_read,
-    UnicodeError: not_read,
+    NoSuchTile: _answering(404),
+    Gone: _answering(410, FRESH),
+    EndoctError: _answering(500),
+    OSError: _NOT_READ,
+    UnicodeError: _NOT_READ,
 }
 
 

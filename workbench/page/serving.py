@@ -31,7 +31,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.workbench.page.collection import (
     PAGES,
-    Entry,
+    ListedOutput,
     address_of,
     check_no_links,
     collection_html,
@@ -44,13 +44,13 @@ from endoct.workbench.page.opening import can_be_shown, open_shown
 from endoct.workbench.page.presence import NAMED
 from endoct.workbench.page.server import (
     ANSWERS_TO_ERRORS,
-    KEPT,
     MANUAL,
     Guard,
     Page,
     allowed_hosts,
     asset,
     few_threads,
+    kept,
     page_app,
     whole_number,
 )
@@ -176,7 +176,7 @@ class Collection:
     def __init__(
         self,
         folder: Path,
-        entries: tuple[Entry, ...] = (),
+        entries: tuple[ListedOutput, ...] = (),
         above: str = "/",
         pages: str = PAGES,
         *,
@@ -186,7 +186,7 @@ class Collection:
         self.pages = pages
         self._folder, self._above, self._runs = folder, above, runs
         self._entries = entries
-        self._tables: OrderedDict[str, tuple[Entry, ...]] = OrderedDict()
+        self._tables: OrderedDict[str, tuple[ListedOutput, ...]] = OrderedDict()
         self._pages: OrderedDict[str, ASGIApp] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -200,12 +200,12 @@ class Collection:
         if not self._tables and not self._entries:
             self.look()
 
-    def look(self) -> tuple[str, tuple[Entry, ...]]:
+    def look(self) -> tuple[str, tuple[ListedOutput, ...]]:
         """Look into the folder again and return the version of the table, and the entries, of what is there now."""
         entries = entries_in(self._folder)
         return self._remember(entries), entries
 
-    def _remember(self, entries: tuple[Entry, ...]) -> str:
+    def _remember(self, entries: tuple[ListedOutput, ...]) -> str:
         version = f"{time.time_ns():x}"
         with self._lock:
             self._entries = self._tables[version] = entries
@@ -213,7 +213,7 @@ class Collection:
                 self._tables.popitem(last=False)
         return version
 
-    def entry(self, version: str, number: int) -> Entry:
+    def entry(self, version: str, number: int) -> ListedOutput:
         """Return an entry by its place in the table of that version, or in the last one where that is forgotten.
 
         Raises :class:`NoSuchTile` where there is none.
@@ -223,15 +223,15 @@ class Collection:
             raise NoSuchTile("there is no such entry", found=str(number))
         return entries[number]
 
-    def named(self, path: str) -> Entry | None:
+    def named(self, path: str) -> ListedOutput | None:
         """Return the entry to whose page an address belongs; None where there is none."""
         return next((one for one in self._entries if one.can_be_opened and f"{path}/".startswith(f"{one.name}/")), None)
 
-    def called(self, name: object) -> Entry | None:
+    def called(self, name: object) -> ListedOutput | None:
         """Return the entry of that name, None where there is none."""
-        return next((each for each in self._entries if each.name == name), None)
+        return next((entry for entry in self._entries if entry.name == name), None)
 
-    def page(self, entry: Entry, host: str, port: int) -> ASGIApp:
+    def page(self, entry: ListedOutput, host: str, port: int) -> ASGIApp:
         """Return the application that serves the page of ``entry``."""
 
         def opened() -> Shown:
@@ -278,8 +278,7 @@ def collection_app(collection: Collection, host: str, port: int) -> Starlette:
 
     def picture(request: Request) -> Response:
         place = whole_number(request.path_params["number"])
-        png = thumbnail(collection.entry(request.path_params["version"], place))
-        return Response(png, media_type="image/png", headers={"cache-control": KEPT})
+        return kept(thumbnail(collection.entry(request.path_params["version"], place)), "image/png")
 
     async def page(scope: Scope, receive: Receive, send: Send) -> None:
         await answer_page(collection, host, port, scope, receive, send)
@@ -304,6 +303,5 @@ class _PagesFirst:
         self._app, self._page = app, page
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass a request on."""
         is_page = scope["type"] == "http" and str(scope["path"]).startswith(f"{PAGES}/")
         await (self._page if is_page else self._app)(scope, receive, send)

@@ -177,7 +177,8 @@ class Sessions:
         """Return the command line that compares anew with the session file; ``folder``: the comparison's from there."""
         stores = [str(folder / "panoramas" / f"{name}.zarr") for name in self.names]
         chosen = self.parameters.model_dump(mode="json", exclude_defaults=True)
-        options = [part for key, value in chosen.items() for part in ("--set", f"{key}={_toml(value)}")]
+        texts = {key: str(value).lower() if isinstance(value, bool) else str(value) for key, value in chosen.items()}
+        options = [part for key, text in texts.items() for part in ("--set", f"{key}={text}")]
         above = Path("..") if folder == Path() else folder.parent
         output = above / f"{self.folder.resolve().name}-by-hand"
         parts = ["endoct", "compare", *stores, "-o", str(output), "--session", str(folder / NAME), *options]
@@ -198,27 +199,27 @@ class Sessions:
 
 def session_of(origin: Origin, outline: ComparisonOutline, sides: tuple[PanoramaOutline, PanoramaOutline]) -> Sessions:
     """Return what the page knows of landmarks on the comparison at ``origin`` of two ``sides``."""
-    result = outline.result
-    by_hand = result.by_hand
+    result, refused = outline.result, ""
+    if result.twist is not None:
+        refused = "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
+    elif (whole := whole_of(origin.folder)) is not None:
+        lists = f"This is a part of {whole.name}, which lists all that it holds."
+        refused = f"{lists} To place landmarks, copy this folder."
+    used = () if result.by_hand is None else result.by_hand.pairs
     return Sessions(
         origin=origin,
         names=outline.names,
         outlines=sides,
         automatic=_automatic(outline),
         present=outline.alignment,
-        used=() if by_hand is None else _used(by_hand),
+        used=tuple(LandmarkPair(_at(pair.a), _at(pair.b), pair.role, pair.name, pair.sigma_mm) for pair in used),
         parameters=_parameters(result),
-        refused=_refusal(origin.folder, result),
+        refused=refused,
     )
 
 
-def _refusal(folder: Path, result: Result) -> str:
-    """Return why there can be no session of the comparison in ``folder``, else ""."""
-    if result.twist is not None:
-        return "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
-    if (whole := whole_of(folder)) is not None:
-        return f"This is a part of {whole.name}, which lists all that it holds. To place landmarks, copy this folder."
-    return ""
+def _at(place: Any) -> Place:
+    return Place(place.theta_rad, place.z_mm)
 
 
 def _automatic(outline: ComparisonOutline) -> SearchOutcome:
@@ -233,16 +234,6 @@ def _automatic(outline: ComparisonOutline) -> SearchOutcome:
     return SearchOutcome(None, found, by_hand.automatic_reason or "")
 
 
-def _used(by_hand: ByHand) -> tuple[LandmarkPair, ...]:
-    return tuple(
-        LandmarkPair(
-            Place(pair.a.theta_rad, pair.a.z_mm), Place(pair.b.theta_rad, pair.b.z_mm), pair.role, pair.name,
-            pair.sigma_mm,
-        )
-        for pair in by_hand.pairs
-    )  # fmt: skip
-
-
 def _parameters(result: Result) -> CompareParameters:
     """Return the parameters of the comparison as far as they are some; a result may come from another version."""
     stored = result.parameters.get("compare") or {}
@@ -255,7 +246,3 @@ def _parameters(result: Result) -> CompareParameters:
 
 def _json(part: ByHand | PairDistance | Any | None) -> Any:
     return None if part is None else part.model_dump(mode="json")
-
-
-def _toml(value: object) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -16,7 +16,6 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import IN_PLACE
 from endoct.modalities.contract import Picture
-from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.description import BendPart, Description, FramesPart, PlacementPart, SeriesPart
 from endoct.workbench.page.drawn_masks import DrawnMasks
@@ -151,21 +150,17 @@ def frames_part(
     if z_mm.ndim != 1 or not np.isfinite(z_mm).all():
         found = "numbers that are not finite" if z_mm.ndim == 1 else f"numbers of shape {z_mm.shape}"
         raise EndoctError(f"the frames of {side} have no places", found=found, remedy="unroll it again")
+    at = where or IN_PLACE
+    bend = None if at.bend is None else BendPart(at.bend.z_mm, at.bend.shift_mm, at.bend.roll_rad)
     return FramesPart(
         side=side,
         frame_dim=outline.frame_dim,
         z_mm=tuple(np.round(z_mm, 6).tolist()),
         pictured=() if pictures is None else tuple(k for k in pictured_places(pictures, side) if k < own_mm.size),
         recording="" if reader is None else str(reader.recording.path),
-        placement=_placement(where or IN_PLACE),
+        placement=PlacementPart(at.theta_shift_rad, at.mirrored, at.z_shift_mm, at.z_scale, at.z_reversed, bend),
         quality=tuple(_quality(outline)),
     )
-
-
-def _placement(where: Alignment) -> PlacementPart:
-    bend = None if where.bend is None else BendPart(where.bend.z_mm, where.bend.shift_mm, where.bend.roll_rad)
-    turned, shift_mm = where.theta_shift_rad, where.z_shift_mm
-    return PlacementPart(turned, where.mirrored, shift_mm, where.z_scale, where.z_reversed, bend)
 
 
 def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:
@@ -173,16 +168,12 @@ def _quality(outline: PanoramaOutline) -> Iterator[SeriesPart]:
     series = sorted(outline.per_frame.items())
     for name, one in series:
         if one.usual is not None and one.values.ndim == 1:
-            yield _series(name, one)
+            number = number_of(name, one.values.astype(np.float64), one.title, one.unit, one.usual)
+            low, high = (float(v) if math.isfinite(v) else None for v in number.usual or (math.nan, math.nan))
+            usual = None if number.usual is None else (low, high)
+            values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in number.values.tolist())
+            yield SeriesPart(name, one.title, number.unit, usual, is_flag=False, values=values)
     for name, one in series:
         if one.trusted_when is not None and one.doubted.any():
             values = tuple(float(value) for value in one.doubted)
             yield SeriesPart(name, one.doubt, "", None, is_flag=True, values=values)
-
-
-def _series(name: str, one: PerFrame) -> SeriesPart:
-    number = number_of(name, one.values.astype(np.float64), one.title, one.unit, one.usual)
-    limits = None if number.usual is None else tuple(float(v) if math.isfinite(v) else None for v in number.usual)
-    values = tuple(float(f"{v:.{DIGITS}g}") if math.isfinite(v) else None for v in number.values.tolist())
-    usual = None if limits is None else (limits[0], limits[1])
-    return SeriesPart(name, one.title, number.unit, usual, is_flag=False, values=values)

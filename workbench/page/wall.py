@@ -145,10 +145,6 @@ class Placing:
         """Return where row ``row``, counted along z, is stored."""
         return self.row_mm.size - 1 - row if self.z_reversed else row
 
-    def stored_column(self, column: int) -> int:
-        """Return where column ``column``, any whole number along θ, is stored."""
-        return (-column if self.mirrored else column) % self.n_theta
-
 
 def placing_of(grid: SurfaceGrid, where: Alignment | None = None) -> Placing:
     """Return where the samples on ``grid`` lie, moved by ``where`` into the frame that the wall is shown in.

@@ -48,6 +48,9 @@ def simulate(request: SimulateRequest) -> None:
     sample = _read_json(Path(request.replay)) if request.replay is not None else None
     volume = _volume(request)
     inputs = [Path(path) for path in (request.replay, request.bone) if path is not None]
+    has_ct = request.ct or request.ct_slice_mm is not None
+    wanted = {"ct": has_ct or request.cone_beam, "spectra": request.spectra, "labels": request.labels}
+    extra = [step for step, is_wanted in wanted.items() if is_wanted]
     # an option of the simulator has one name here and there
     options = {name: value for name, value in vars(request).items() if name in inspect.signature(render).parameters}
     with (
@@ -56,19 +59,12 @@ def simulate(request: SimulateRequest) -> None:
     ):
         render(
             scratch,
-            **options | {"ct": request.ct or request.ct_slice_mm is not None},
+            **options | {"ct": has_ct},
             ranges=ranges,
             volume=volume,
             sample=sample,
-            on_progress=_as_a_whole(advance, _steps(request)),
+            on_progress=_as_a_whole(advance, ("wall", "oct", "endoscope", *extra)),
         )
-
-
-def _steps(request: SimulateRequest) -> tuple[str, ...]:
-    """Return what is done for a specimen, as :func:`endoct.synthetic.specimen.simulate` calls it."""
-    has_ct = request.ct or request.ct_slice_mm is not None or request.cone_beam
-    extra = {"ct": has_ct, "spectra": request.spectra, "labels": request.labels}
-    return "wall", "oct", "endoscope", *(name for name, wanted in extra.items() if wanted)
 
 
 def _as_a_whole(advance: Callable[[float], None], steps: Sequence[str]) -> Callable[[str, float], None]:
@@ -96,7 +92,14 @@ def _volume(request: SimulateRequest) -> Volume | None:
         raise EndoctError("a sample that is replayed has its bone already", remedy="leave out --bone or --replay")
     from endoct.synthetic.bone.patient import stated_volume  # most specimens have no volume
 
-    on_remark = request.on_remark
+    say = request.on_remark
+
+    def remark(ct: CtVolume) -> None:
+        for kind, texts in (("doubt", [doubt.what for doubt in ct.doubts]), ("note", ct.notes)):
+            for text in texts:
+                if say is not None:
+                    say(f"{kind}: {text}")
+
     return stated_volume(
         Path(request.bone),
         (entry_mm, target_mm),
@@ -104,15 +107,8 @@ def _volume(request: SimulateRequest) -> Volume | None:
         bone_hu=request.bone_hu,
         bone_label=request.bone_label,
         detail_mm=request.detail_mm,
-        on_read=None if on_remark is None else lambda ct: _remark(ct, on_remark),
+        on_read=None if say is None else remark,
     )
-
-
-def _remark(ct: CtVolume, say: Callable[[str], None]) -> None:
-    for doubt in ct.doubts:
-        say(f"doubt: {doubt.what}")
-    for note in ct.notes:
-        say(f"note: {note}")
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:

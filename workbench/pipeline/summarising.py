@@ -2,17 +2,17 @@
 
 import csv
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text, spreadsheet_text
 from endoct.fusion.files.result_file import EXPECTED, read_result
-from endoct.fusion.result import Bounded, PairScores, Result
+from endoct.fusion.result import Bounded, Result
 from endoct.fusion.scoring.budget import PARTS
 from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, interval_of, repeatability
 from endoct.workbench.running.outputs import json_text
@@ -22,72 +22,44 @@ Row = dict[str, str | float | None]
 """A line of a table, by column."""
 Value = tuple[float | None, Interval]
 """A score and its interval, each None where it is not known."""
-Score = Callable[[Result], Value]
-P = TypeVar("P")
-
-
-def _of(part: Callable[[Result], P | None], value: Callable[[P], Value]) -> Score:
-    def score(result: Result) -> Value:
-        found = part(result)
-        return (None, None) if found is None else value(found)
-
-    return score
-
-
-def _of_scores(part: Callable[[PairScores], P | None], value: Callable[[P], Value]) -> Score:
-    return _of(lambda result: part(result.scores) if result.scores else None, value)
-
-
-def _expected(figure: str) -> Score:
-    def value(result: Result) -> Value:
-        of: Bounded | None = getattr(result.bounds, figure, None)
-        if of is None:
-            return None, None
-        return of.expected, None if of.low is None or of.high is None else (of.low, of.high)
-
-    return value
-
-
-def _lost_to(cause: str) -> Score:
-    def value(result: Result) -> Value:
-        if result.budget is None:
-            return None, None
-        part = result.budget.parts.by_cause()[cause]
-        return part.share, part.interval
-
-    return value
-
-
-SCORES: Mapping[str, Score] = {
-    "jaccard": _of(lambda result: result.overlap, lambda on_grid: (on_grid.jaccard, on_grid.jaccard_interval)),
-    "dice": _of(lambda result: result.overlap, lambda on_grid: (on_grid.dice, on_grid.dice_interval)),
-    "jaccard_own_rows": _of_scores(lambda scores: scores.own_rows, lambda rows: (rows.jaccard, rows.jaccard_interval)),
-    "dice_own_rows": _of_scores(lambda scores: scores.own_rows, lambda rows: (rows.dice, rows.dice_interval)),
-    "jaccard_by_li": _of_scores(lambda scores: scores.by_li, lambda of: (of.grid.jaccard, of.grid.jaccard_interval)),
-    "dice_by_li": _of_scores(lambda scores: scores.by_li, lambda of: (of.grid.dice, of.grid.dice_interval)),
-    "jaccard_by_li_own_rows": _of_scores(
-        lambda scores: scores.by_li, lambda of: (of.own_rows.jaccard, of.own_rows.jaccard_interval)
-    ),
-    "dice_by_li_own_rows": _of_scores(
-        lambda scores: scores.by_li, lambda of: (of.own_rows.dice, of.own_rows.dice_interval)
-    ),
-    "boundary_mean_mm": _of_scores(lambda scores: scores.boundary, lambda of: (of.mean_mm, of.mean_interval_mm)),
-    "boundary_p95_mm": _of_scores(lambda scores: scores.boundary, lambda of: (of.p95_mm, None)),
-    "boundary_within_share": _of_scores(
-        lambda scores: scores.boundary, lambda of: (of.within_share, of.within_interval)
-    ),
-    "cell_precision": _of_scores(lambda scores: scores.cells, lambda of: (of.precision, of.precision_interval)),
-    "cell_recall": _of_scores(lambda scores: scores.cells, lambda of: (of.recall, of.recall_interval)),
-    "cell_quality": _of_scores(lambda scores: scores.cells, lambda of: (of.quality, of.quality_interval)),
-    "area_bias_mm2": _of_scores(lambda scores: scores.area_mm2, lambda of: (of.bias, of.bias_interval)),
-    "depth_bias_mm": _of_scores(lambda scores: scores.depth_mm, lambda of: (of.bias, of.bias_interval)),
-    **{f"lost_to_{cause}": _lost_to(cause) for cause in PARTS},
-    **{f"expected_{figure}": _expected(figure) for figure in ("light", "depth", "wall", "area_mm2")},
-    "confidence": _of(lambda result: result.alignment, lambda alignment: (alignment.confidence, None)),
-    "valid_fraction": lambda result: (result.valid_fraction, None),
-    "overlap_mm": lambda result: (result.overlap_mm, None),
+SCORES: Mapping[str, tuple[str, str]] = {
+    "jaccard": ("overlap.jaccard", "overlap.jaccard_interval"),
+    "dice": ("overlap.dice", "overlap.dice_interval"),
+    "jaccard_own_rows": ("scores.own_rows.jaccard", "scores.own_rows.jaccard_interval"),
+    "dice_own_rows": ("scores.own_rows.dice", "scores.own_rows.dice_interval"),
+    "jaccard_by_li": ("scores.by_li.grid.jaccard", "scores.by_li.grid.jaccard_interval"),
+    "dice_by_li": ("scores.by_li.grid.dice", "scores.by_li.grid.dice_interval"),
+    "jaccard_by_li_own_rows": ("scores.by_li.own_rows.jaccard", "scores.by_li.own_rows.jaccard_interval"),
+    "dice_by_li_own_rows": ("scores.by_li.own_rows.dice", "scores.by_li.own_rows.dice_interval"),
+    "boundary_mean_mm": ("scores.boundary.mean_mm", "scores.boundary.mean_interval_mm"),
+    "boundary_p95_mm": ("scores.boundary.p95_mm", ""),
+    "boundary_within_share": ("scores.boundary.within_share", "scores.boundary.within_interval"),
+    "cell_precision": ("scores.cells.precision", "scores.cells.precision_interval"),
+    "cell_recall": ("scores.cells.recall", "scores.cells.recall_interval"),
+    "cell_quality": ("scores.cells.quality", "scores.cells.quality_interval"),
+    "area_bias_mm2": ("scores.area_mm2.bias", "scores.area_mm2.bias_interval"),
+    "depth_bias_mm": ("scores.depth_mm.bias", "scores.depth_mm.bias_interval"),
+    **{f"lost_to_{cause}": (f"budget.parts.{cause}.share", f"budget.parts.{cause}.interval") for cause in PARTS},
+    **{f"expected_{of}": (f"bounds.{of}.expected", f"bounds.{of}") for of in ("light", "depth", "wall", "area_mm2")},
+    "confidence": ("alignment.confidence", ""),
+    "valid_fraction": ("valid_fraction", ""),
+    "overlap_mm": ("overlap_mm", ""),
 }
-"""Scores by name, as functions of a result."""
+"""Scores by name: where a result has the value and its interval, "" where there is none."""
+
+
+def score_of(result: Result, name: str) -> Value:
+    """Return a score of a result."""
+    value, interval = (_value_at(result, path) if path else None for path in SCORES[name])
+    if isinstance(interval, Bounded):
+        interval = None if interval.low is None or interval.high is None else (interval.low, interval.high)
+    return value, interval
+
+
+def _value_at(part: Any, path: str) -> Any:
+    for name in path.split("."):
+        part = None if part is None else getattr(part, name)
+    return part
 
 
 @dataclass(frozen=True)
@@ -106,7 +78,7 @@ class Compared:
         return frozenset(
             digest
             for path, digest in self.result.inputs.items()
-            if not any(Path(path).is_relative_to(one) for one in drawn)
+            if not any(Path(path).is_relative_to(folder) for folder in drawn)
         )
 
 
@@ -127,7 +99,7 @@ def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool
     if not folders:
         raise EndoctError("there is nothing to summarise", expected="folders written by `endoct compare`")
     first, second = (read_set(*of, repeats=repeats) for of in ((folders, FIRST), (against, SECOND)))
-    rows = [row for one in (*first, *second) for row in _rows(one)]
+    rows = [row for comparison in (*first, *second) for row in _rows(comparison)]
     return {
         "scores": rows,
         "summary": list(_summary(rows)),
@@ -174,7 +146,7 @@ def _result_in(folder: Path) -> Result:
 
 def _rows(compared: Compared) -> Iterator[Row]:
     values: dict[str, Value] = {"aligned": (float(compared.result.aligned), None)}
-    values |= {name: score(compared.result) for name, score in SCORES.items()}
+    values |= {name: score_of(compared.result, name) for name in SCORES}
     for name, (value, interval) in values.items():
         yield {
             "set": compared.set,
@@ -190,12 +162,12 @@ def _rows(compared: Compared) -> Iterator[Row]:
 
 def _by_specimen(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, list[float]]]:
     """Return by (set, score) and specimen the values that are known."""
-    found: dict[tuple[str, str], dict[str, list[float]]] = {}
+    values: dict[tuple[str, str], dict[str, list[float]]] = {}
     for row in rows:
-        specimens = found.setdefault((str(row["set"]), str(row["score"])), {})
+        specimens = values.setdefault((str(row["set"]), str(row["score"])), {})
         if isinstance(row["value"], float):
             specimens.setdefault(str(row["specimen"]), []).append(row["value"])
-    return found
+    return values
 
 
 def _summary(rows: Sequence[Row]) -> Iterator[Row]:
@@ -226,8 +198,8 @@ def _paired(first: Sequence[Compared], second: Sequence[Compared]) -> Iterator[R
             found=f"{first[0].folder.name} and {second[0].folder.name}",
             expected="the same recordings, or folders of the same names",
         )
-    for name, score in SCORES.items():
-        values = [(score(one.result)[0], score(two.result)[0]) for one, two in pairs]
+    for name in SCORES:
+        values = [(score_of(a.result, name)[0], score_of(b.result, name)[0]) for a, b in pairs]
         differs = np.array([two - one for one, two in values if one is not None and two is not None], dtype=np.float64)
         if not differs.size:
             continue
@@ -248,10 +220,10 @@ def _pairs(first: Sequence[Compared], second: Sequence[Compared]) -> Iterator[tu
     by_name = {two.folder.name: two for two in second}
     if len(by_inputs) < len(second):  # several of one recording: the names say which is meant
         by_inputs = {}
-    for one in first:
-        two = by_inputs.get(one.inputs) or by_name.get(one.folder.name)
-        if two is not None:
-            yield one, two
+    for comparison in first:
+        partner = by_inputs.get(comparison.inputs) or by_name.get(comparison.folder.name)
+        if partner is not None:
+            yield comparison, partner
 
 
 def _repeatability(rows: Sequence[Row]) -> Iterator[Row]:

@@ -123,7 +123,7 @@ def _agreement(poses: Sequence[dict[str, Any]]) -> Iterator[Row]:
             continue
         for place in PLACES:
             for number, direction in enumerate("xy"):
-                values = np.array([one[place]["across_mm"][number] for one in differences])
+                values = np.array([difference[place]["across_mm"][number] for difference in differences])
                 limits, test = asdict(limits_of_agreement(values)), equivalence(values, EQUIVALENT_MM)
                 row: Row = {"sides": f"{first} less {second}", "place": place, "direction": direction}
                 for name, value in limits.items():

@@ -51,17 +51,17 @@ def write_supplement(tables: Mapping[str, Sequence[Row]], request: SummariseRequ
     compared = [*first, *second]
     (folder / "figures").mkdir()
     drawn = draw_cohort(_cohort(first), folder / "figures")
-    for each in drawn:
-        (folder / "figures" / each.rendered.file).write_bytes(each.rendered.png)
+    for figure in drawn:
+        (folder / "figures" / figure.rendered.file).write_bytes(figure.rendered.png)
     texts = rendered_blocks(
         "report/summary.html",
-        results=[_result_row(each) for each in compared],
+        results=[_result_row(comparison) for comparison in compared],
         summary=[_summary_row(row) for row in tables["summary"]],
         paired=[_row(row, *PAIRED) for row in tables["paired"]],
         repeats=[_row(row, *REPEATS) for row in tables["repeatability"]],
         how=f"Intervals hold {LEVEL * 100:.0f} %: {RESAMPLES} resamples over specimens, from the seed {SEED}.",
         line=_command(request),
-        inputs=[_input_row(each) for each in compared],
+        inputs=[_input_row(comparison) for comparison in compared],
     )
     page = printed_page(
         _heading(tables, first, Path(request.output or "").name), in_order(TITLES, numbered(drawn), texts), REMARK
@@ -77,17 +77,19 @@ def _command(request: SummariseRequest) -> str:
 
 def _cohort(compared: Sequence[Compared]) -> Cohort:
     """Return what is drawn of comparisons: of the two sides that most of them have."""
-    names = Counter(each.result.sides for each in compared if each.result.aligned).most_common(1)
+    names = Counter(comparison.result.sides for comparison in compared if comparison.result.aligned).most_common(1)
     sides = names[0][0] if names else compared[0].result.sides
-    alike = [each for each in compared if each.result.sides == sides and each.result.aligned]
-    cells = [areas_mm2(*sides, outline.cells) for each in alike if (outline := _outline(each.folder)) is not None]
+    alike = [comparison for comparison in compared if comparison.result.sides == sides and comparison.result.aligned]
+    cells = [
+        areas_mm2(*sides, outline.cells) for comparison in alike if (outline := _outline(comparison.folder)) is not None
+    ]
     by_specimen: dict[str, list[float]] = {}
-    for each in alike:
-        if each.result.jaccard is not None:
-            by_specimen.setdefault(each.specimen, []).append(each.result.jaccard)
+    for comparison in alike:
+        if comparison.result.jaccard is not None:
+            by_specimen.setdefault(comparison.specimen, []).append(comparison.result.jaccard)
     return Cohort(
         sides,
-        [each.result for each in alike],
+        [comparison.result for comparison in alike],
         np.concatenate(cells) if cells else np.empty((0, 2)),
         {name: values for name, values in by_specimen.items() if len(values) > 1},
     )
@@ -99,7 +101,7 @@ def _outline(folder: Path) -> ComparisonOutline | None:
 
 
 def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], title: str) -> Heading:
-    levels = Counter(verdict_of(each.result).level for each in compared)
+    levels = Counter(verdict_of(comparison.result).level for comparison in compared)
     said = ", ".join(f"{levels[level]} {word}" for level, word in LEVELS.items() if levels[level])
     worst = next(level for level in reversed(LEVELS) if levels[level])
     of_first = {row["score"]: row for row in tables["summary"] if row["set"] == FIRST}
@@ -110,7 +112,7 @@ def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], 
     ]
     return Heading(
         title=f"{title}: {len(compared)} comparisons",
-        facts=(("sides", ", ".join(sorted({" and ".join(each.result.sides) for each in compared}))),),
+        facts=(("sides", ", ".join(sorted({" and ".join(comparison.result.sides) for comparison in compared}))),),
         verdict=Verdict(worst, f"Of {len(compared)} comparisons: {said}."),
         doubts=(),
         scores=tuple(scores),
@@ -119,17 +121,17 @@ def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], 
     )
 
 
-def _result_row(each: Compared) -> list[str]:
-    result = each.result
+def _result_row(comparison: Compared) -> list[str]:
+    result = comparison.result
     interval = result.overlap.jaccard_interval if result.overlap else None
     return [
-        path_text("/".join(each.folder.parts[-2:])),
+        path_text("/".join(comparison.folder.parts[-2:])),
         LEVELS[verdict_of(result).level],
         share_text(result.jaccard if result.aligned else None),
         interval_text(interval).removeprefix("95 % interval ") or NOTHING,
         share_text(result.dice if result.aligned else None),
         ", ".join(sorted({doubt.code for doubt in result.doubts})),
-        read_note(each.folder),
+        read_note(comparison.folder),
     ]
 
 
@@ -153,9 +155,14 @@ def _number(value: str | float | None) -> str:
     return f"{value:.3g}".replace("-", "−")
 
 
-def _input_row(each: Compared) -> list[str]:
-    stated = each.result.parameters.get("compare") or {}
+def _input_row(comparison: Compared) -> list[str]:
+    stated = comparison.result.parameters.get("compare") or {}
     usual = CompareParameters().model_dump(mode="json")
     changed = [f"{name} = {value}" for name, value in stated.items() if name in usual and value != usual[name]]
-    digest = sha256_of(each.folder / "result.json")
-    return [path_text(each.folder), each.result.versions.get("endoct", NOTHING), ", ".join(changed) or NOTHING, digest]
+    digest = sha256_of(comparison.folder / "result.json")
+    return [
+        path_text(comparison.folder),
+        comparison.result.versions.get("endoct", NOTHING),
+        ", ".join(changed) or NOTHING,
+        digest,
+    ]

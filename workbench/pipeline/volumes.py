@@ -65,7 +65,12 @@ def describe_volume(path: Path) -> dict[str, object]:
     ct = read_ct(path, "lps")  # where a file does not say, its places are left out below
     facts = facts_of(ct, path.name, ct.coordinates or "lps")
     kind, meaning = _meaning(ct)
-    said = {"kind": kind, **facts.facts, "numbers": meaning, "certainty": _certainty(ct, facts)}
+    certainty = "placed as its file says; nothing speaks against it"
+    if ct.coordinates is None:
+        certainty = "its file does not say whether its coordinates are RAS or LPS: state --coordinates"
+    elif facts.doubts:
+        certainty = f"placed as its file says; {len(facts.doubts)} doubt{'s' if len(facts.doubts) > 1 else ''} below"
+    said = {"kind": kind, **facts.facts, "numbers": meaning, "certainty": certainty}
     if ct.coordinates is None:
         said = {key: value for key, value in said.items() if key not in ("from_mm", "to_mm")} | {"coordinates": None}
     return {**said, "doubts": [doubt.to_json() for doubt in facts.doubts], "notes": list(facts.notes)}
@@ -82,14 +87,6 @@ def _meaning(ct: CtVolume) -> tuple[str, str]:
     if whole and count <= MOST_NAMED:
         return "label map", f"{count} labels, which nothing names"
     return "volume", f"not known: no value below {LEAST_HU:g}, and no labels"
-
-
-def _certainty(ct: CtVolume, facts: VolumeFacts) -> str:
-    if ct.coordinates is None:
-        return "its file does not say whether its coordinates are RAS or LPS: state --coordinates"
-    if facts.doubts:
-        return f"placed as its file says; {len(facts.doubts)} doubt{'s' if len(facts.doubts) > 1 else ''} below"
-    return "placed as its file says; nothing speaks against it"
 
 
 def _rounded(place: Coordinates) -> list[float]:

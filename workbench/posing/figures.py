@@ -63,7 +63,7 @@ def draw_cut(ct: CtVolume, labels: CtVolume | None, pose: BorePose, told: bool) 
     extent = (z[0] - STEP_MM / 2, z[-1] + STEP_MM / 2, aside[-1] + STEP_MM / 2, aside[0] - STEP_MM / 2)
     width_in = PAGE_WIDTH_IN - 0.6
     height_in = width_in * np.ptp(aside) / np.ptp(z)
-    low, high = _window(ct)
+    low, high = WINDOW_HU if float(ct.voxels.min()) < -500 else (0.0, 1.0)
     names: dict[str, str] = {}
     with journal_style():
         figure = new_figure(PAGE_WIDTH_IN, 2 * height_in + 1.0)
@@ -163,11 +163,6 @@ def _around(
     places = local @ to_lps[:3, :3].T + to_lps[:3, 3]
     part = part_around(volume, places.reshape(-1, 3), float(np.linalg.norm(volume.steps_mm, axis=1).max()))
     return part.voxels, np.moveaxis((places - part.origin_mm) @ np.linalg.inv(part.steps_mm), -1, 0)
-
-
-def _window(ct: CtVolume) -> tuple[float, float]:
-    """Return the values that are drawn black and white: of Hounsfield units, or of labels 0 and 1."""
-    return WINDOW_HU if float(ct.voxels.min()) < -500 else (0.0, 1.0)
 
 
 def _draw_bore(axes: Axes, pose: BorePose, axis: int, told: bool) -> None:

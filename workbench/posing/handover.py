@@ -11,7 +11,7 @@ from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.summary import radius_of
 from endoct.modalities.ct.trajectory import write_line
 from endoct.workbench.exporting.itk_transform import save_affine
-from endoct.workbench.exporting.mesh_files import Mesh, save_ply, save_stl
+from endoct.workbench.exporting.mesh_files import Mesh, quads, save_ply, save_stl
 from endoct.workbench.posing.result import axis_of
 
 AROUND, ALONG_MM = 48, 0.5
@@ -40,18 +40,11 @@ def tube_of(to_lps: Coordinates, radius_mm: float, length_mm: float) -> Mesh:
     ring = radius_mm * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     wall = np.concatenate([np.column_stack([ring, np.full(AROUND, depth)]) for depth in z])
     points = np.concatenate([wall, [[0, 0, 0], [0, 0, length_mm]]]) @ to_lps[:3, :3].T + to_lps[:3, 3]
-    here = np.arange(wall.shape[0]).reshape(z.size, AROUND)
-    beside = np.roll(here, -1, axis=1)
-    quads = np.stack([here[:-1], beside[:-1], here[1:], beside[1:]], axis=-1).reshape(-1, 4)
-    mouth, end = len(wall), len(wall) + 1
-    faces = np.concatenate(
-        [
-            quads[:, (0, 1, 2)],
-            quads[:, (1, 3, 2)],
-            np.column_stack([np.full(AROUND, mouth), beside[0], here[0]]),
-            np.column_stack([np.full(AROUND, end), here[-1], beside[-1]]),
-        ]
-    )
+    corners, first = quads(z.size, AROUND), np.arange(AROUND)
+    beside, last, mouth = np.roll(first, -1), len(wall) - AROUND, np.full(AROUND, len(wall))
+    at_mouth = np.column_stack([mouth, beside, first])
+    at_end = np.column_stack([mouth + 1, first + last, beside + last])
+    faces = np.concatenate([corners[:, (0, 1, 2)], corners[:, (1, 3, 2)], at_mouth, at_end])
     colours = np.broadcast_to(np.array(COLOUR, np.uint8), points.shape)
     return Mesh(points.astype(np.float32), colours, faces.astype(np.int32), {})
 

@@ -32,14 +32,12 @@ LEVELS: dict[str, Level] = {"well": "trusted", "poorly": "doubted", "hardly": "u
 
 def pose_page(result: PoseResult, title: str, drawn: Sequence[Drawn]) -> str:
     """Return the page of a pose as HTML."""
-    sections = _sections(result, numbered(drawn))
-    return printed_page(_heading(result, title), sections, REMARK)
+    return printed_page(_heading(result, title), _sections(result, numbered(drawn)), REMARK)
 
 
 def outlook_page(result: OutlookResult, title: str, drawn: Sequence[Drawn]) -> str:
     """Return the page of an outlook as HTML: the wall that the CT predicts along the plan, and how rehearsals went."""
-    sections = _outlook_sections(result, numbered(drawn))
-    return printed_page(_outlook_heading(result, title), sections, REMARK)
+    return printed_page(_outlook_heading(result, title), _outlook_sections(result, numbered(drawn)), REMARK)
 
 
 def _heading(result: PoseResult, title: str) -> Heading:
@@ -52,13 +50,19 @@ def _heading(result: PoseResult, title: str) -> Heading:
         verdict = Verdict("doubted", f"Told by {names}{unless}, with {count_doubts(result.doubts)}. {NOTICE}")
     else:
         verdict = Verdict("trusted", f"Told by {names}. {NOTICE}")
-    scores = _scores(summary) if result.told else ()
+    scores = tuple(_scores(summary)) if result.told else ()
+    return _headed(result, f"{title}: the bore in the CT", ("sides", names), verdict, scores)
+
+
+def _headed(
+    result: PoseResult | OutlookResult, title: str, fact: tuple[str, str], verdict: Verdict, scores: tuple[Score, ...]
+) -> Heading:
     return Heading(
-        title=f"{title}: the bore in the CT",
-        facts=(("sides", names), ("coordinates", result.coordinates.upper())),
+        title=title,
+        facts=(fact, ("coordinates", result.coordinates.upper())),
         verdict=verdict,
         doubts=result.doubts,
-        scores=tuple(scores),
+        scores=scores,
         notes=sum(len(facts.notes) for facts in result.volumes.values()),
         endoct=result.made.versions.get("endoct", ""),
     )
@@ -69,7 +73,7 @@ def _scores(summary: PoseSummary) -> Iterator[Score]:
     yield Score("5 mm beyond it", _mm(summary.beyond.distance_mm), BRACKETS)
     yield Score("Angle to the plan", f"{estimate_text(summary.angle_deg)}°", BRACKETS)
     if summary.clearances:
-        nearest = min(summary.clearances, key=lambda one: one.margin_mm)
+        nearest = min(summary.clearances, key=lambda clearance: clearance.margin_mm)
         yield Score(f"To the {nearest.name}", _mm(nearest.distance_mm), "from the bore's envelope, the least margin")
 
 
@@ -106,7 +110,7 @@ def _texts_on_input(volumes: Collection[VolumeFacts], made: Made) -> dict[str, M
         "posing/read.html",
         notes=[(facts.title, note) for facts in volumes for note in facts.notes],
         volumes=volumes,
-        fact_rows=_fact_rows,
+        fact_rows=lambda facts: [(name, text) for name, value in facts.facts.items() for text in texts_of(value)],
         made=made,
         seconds=[(name, f"{seconds:.1f}") for name, seconds in made.seconds.items()],
     )
@@ -121,11 +125,10 @@ def _places(result: PoseResult) -> list[tuple[str, ...]]:
     places.append((f"deepest row of {name}", offset_at(result.answer.pose, depth.value)))
     places.sort(key=lambda place: place[1].depth_mm)
     places.append(("5 mm beyond the target", summary.beyond))
-    rows = [
-        (name, f"{one.depth_mm:.1f}", place_text(result.place(one.depth_mm)), _across(one),
-         estimate_text(one.distance_mm))
-        for name, one in places
-    ]  # fmt: skip
+    rows = []
+    for name, at in places:
+        texts = f"{at.depth_mm:.1f}", place_text(result.place(at.depth_mm)), _across(at), estimate_text(at.distance_mm)
+        rows.append((name, *texts))
     return [*rows, ("angle of the axis (°)", "", "", "", estimate_text(summary.angle_deg))]
 
 
@@ -145,10 +148,6 @@ def _difference_rows(difference: Difference) -> list[tuple[str, str, str]]:
         ("target (mm)", _across(difference.at_target), estimate_text(difference.at_target.distance_mm)),
         ("angle (°)", "", estimate_text(difference.angle_deg)),
     ]
-
-
-def _fact_rows(facts: VolumeFacts) -> list[tuple[str, str]]:
-    return [(name, text) for name, value in facts.facts.items() for text in texts_of(value)]
 
 
 def _across(offset: Offset) -> str:
@@ -173,24 +172,14 @@ def _outlook_heading(result: OutlookResult, title: str) -> Heading:
         )
         for one in outlook.prospects
     ]
-    return Heading(
-        title=f"{title}: could the bore be told?",
-        facts=(("plan", f"{result.plan.length_mm:.1f} mm"), ("coordinates", result.coordinates.upper())),
-        verdict=Verdict(
-            LEVELS[outlook.level],
-            f"The bore could be told {outlook.level}. {NOTICE}",
-            (f"It {outlook.sentence}.",),
-            "Why",
-        ),
-        doubts=result.doubts,
-        scores=tuple(scores),
-        notes=sum(len(facts.notes) for facts in result.volumes.values()),
-        endoct=result.made.versions.get("endoct", ""),
-    )
+    said = f"The bore could be told {outlook.level}. {NOTICE}"
+    verdict = Verdict(LEVELS[outlook.level], said, (f"It {outlook.sentence}.",), "Why")
+    plan = "plan", f"{result.plan.length_mm:.1f} mm"
+    return _headed(result, f"{title}: could the bore be told?", plan, verdict, tuple(scores))
 
 
 def _outlook_sections(result: OutlookResult, figures: Mapping[str, Markup]) -> tuple[Section, ...]:
-    prospects = {one.instrument: one.tried for one in result.outlook.prospects}
+    prospects = {prospect.instrument: prospect.tried for prospect in result.outlook.prospects}
     titles = {
         "wall": "The wall by the CT",
         **{instrument: f"Rehearsals by {instrument}" for instrument in prospects},
@@ -199,7 +188,8 @@ def _outlook_sections(result: OutlookResult, figures: Mapping[str, Markup]) -> t
     texts = {"wall": rendered("report/plain_table.html", header=["", ""], rows=_wall_facts(result))}
     for instrument, tried in prospects.items():
         rows = map(_row, count(1), tried)
-        texts[instrument] = rendered("posing/rehearsals.html", rehearsals=rows, reasons=_reasons(tried))
+        reasons = [(str(number), one.reason) for number, one in enumerate(tried, 1) if one.reason is not None]
+        texts[instrument] = rendered("posing/rehearsals.html", rehearsals=rows, reasons=reasons)
     return in_order(titles, figures, texts | _texts_on_input(result.volumes.values(), result.made))
 
 
@@ -214,10 +204,6 @@ def _row(number: int, tried: Tried) -> tuple[str, ...]:
         f"{tried.agreement:.2f}".replace("-", "−"),
         "–" if tried.second is None else f"{tried.second:.2f}".replace("-", "−"),
     )
-
-
-def _reasons(tried: Sequence[Tried]) -> list[tuple[str, str]]:
-    return [(str(number), one.reason) for number, one in enumerate(tried, 1) if one.reason is not None]
 
 
 def _wall_facts(result: OutlookResult) -> list[tuple[str, str]]:

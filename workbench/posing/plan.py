@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Planned:
+class PlannedBore:
     """A CT with the plan in it, and the ``labels`` of its structures, where there are any.
 
     ``coordinates``: what the numbers mean that the user states and reads. ``files``: all that were read.
@@ -30,7 +30,7 @@ class Planned:
 
 def read_plan(
     ct: Path, entry_mm: Point | None, target_mm: Point | None, plan: Path | None, coordinates: Convention | None
-) -> Planned:
+) -> PlannedBore:
     """Return the CT and the plan: ``entry_mm`` and ``target_mm``, or the markups file ``plan``.
 
     ``coordinates`` says what ``entry_mm`` and ``target_mm`` mean, and the CT's own numbers where its file does not.
@@ -58,17 +58,19 @@ def read_plan(
         trajectory = Trajectory(in_world(entry_mm, meaning), in_world(target_mm, meaning))
     check_within(volume, trajectory, meaning, "the CT")
     files = _files_read(ct, volume)
-    return Planned(volume, trajectory, meaning, files if plan is None else (*files, plan))
+    return PlannedBore(volume, trajectory, meaning, files if plan is None else (*files, plan))
 
 
-def read_requested(ct: Path | str, request: "PlanRequest") -> Planned:
+def read_requested(ct: Path | str, request: "PlanRequest") -> PlannedBore:
     """Return the CT and the plan of a request, as :func:`read_plan`."""
     entry_mm, target_mm = parse_place("entry", request.entry_mm), parse_place("target", request.target_mm)
     plan = None if request.plan is None else Path(request.plan)
     return read_plan(Path(ct), entry_mm, target_mm, plan, request.coordinates)
 
 
-def with_labels(planned: Planned, labels: Path, names: Path | str | None, coordinates: Convention | None) -> Planned:
+def with_labels(
+    planned: PlannedBore, labels: Path, names: Path | str | None, coordinates: Convention | None
+) -> PlannedBore:
     """Return the plan with the segmentation ``labels`` in the world of its CT.
 
     ``names`` is a table of their names where the file has none, or the word for ours; ``coordinates`` are those of

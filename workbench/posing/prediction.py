@@ -108,7 +108,7 @@ def compare_with(prediction: Panorama, pose: BorePose, given: SideInAir) -> Comp
     except EndoctError:
         return None
     # doubts about a recording, such as lost frames, do not concern a CT; one about where it lies concerns the side
-    doubts = tuple(each for each in compared.result.doubts if each.side != MODALITY or each.code in OUT_OF_PLACE)
+    doubts = tuple(doubt for doubt in compared.result.doubts if doubt.side != MODALITY or doubt.code in OUT_OF_PLACE)
     return replace(compared, result=compared.result.model_copy(update={"doubts": doubts}))
 
 

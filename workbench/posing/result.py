@@ -34,6 +34,10 @@ class Made:
     parameters: Mapping[str, Any]
     seconds: Mapping[str, float]
 
+    def to_json(self) -> dict[str, Any]:
+        """Return it as files say it."""
+        return {name: dict(value) for name, value in vars(self).items()}
+
 
 def pose_versions() -> dict[str, str]:
     """Return the versions of endoct and of what a pose depends on."""
@@ -107,23 +111,19 @@ class PoseResult:
             "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "sides": list(self.answer.pose.names),
             "coordinates": self.coordinates,
-            "plan": plan_json(plan, self.coordinates),
+            "plan": {**ends_json(plan, self.coordinates), "length_mm": plan.length_mm},
             "pose": pose if self.told else None,
             "best_unbelieved": None if self.told else pose,
             "alone": {one.names[0]: self._alone(one) for one in self.answer.alone},
             "difference": None if self.summary.difference is None else asdict(self.summary.difference),
-            "inputs": dict(self.made.inputs),
-            "versions": dict(self.made.versions),
-            "parameters": dict(self.made.parameters),
-            "seconds": dict(self.made.seconds),
+            **self.made.to_json(),
         }
 
     def _pose(self) -> dict[str, Any]:
         pose, summary = self.answer.pose, self.summary
         return {
             "bore_to_world": in_convention(pose.bore_to_lps, self.coordinates).tolist(),
-            "entry_mm": list(in_world(self.axis.entry_mm, self.coordinates)),
-            "target_mm": list(in_world(self.axis.target_mm, self.coordinates)),
+            **ends_json(self.axis, self.coordinates),
             "radius_mm": radius_of(pose),
             "at_entry": asdict(summary.at_entry),
             "at_target": asdict(summary.at_target),
@@ -132,7 +132,7 @@ class PoseResult:
             "angle_deg": asdict(summary.angle_deg),
             "ellipse_beyond_mm": summary.ellipse_mm,
             "longest_bare_mm": {**asdict(summary.bare), "length_mm": summary.bare.length_mm},
-            "structures": [asdict(one) for one in summary.clearances],
+            "structures": [asdict(clearance) for clearance in summary.clearances],
             "by_side": {name: self._side(number, name) for number, name in enumerate(pose.names)},
         }
 
@@ -162,12 +162,7 @@ class PoseResult:
         return {"z_mm": z_mm, "depth_mm": asdict(depth), "axis_mm": list(self.place(depth.value))}
 
     def _alone(self, pose: BorePose) -> dict[str, Any]:
-        axis = axis_of(pose)
-        return {
-            "entry_mm": list(in_world(axis.entry_mm, self.coordinates)),
-            "target_mm": list(in_world(axis.target_mm, self.coordinates)),
-            "agreement": pose.fit.agreement[0],
-        }
+        return {**ends_json(axis_of(pose), self.coordinates), "agreement": pose.fit.agreement[0]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,23 +209,17 @@ class OutlookResult:
             "doubts": [doubt.what for doubt in self.doubts],
             "volumes": {name: facts.to_json() for name, facts in self.volumes.items()},
             "coordinates": self.coordinates,
-            "plan": plan_json(self.plan, self.coordinates),
+            "plan": {**ends_json(self.plan, self.coordinates), "length_mm": self.plan.length_mm},
             "wall": asdict(self.outlook.facts),
-            "instruments": {one.instrument: _prospect(one) for one in self.outlook.prospects},
-            "inputs": dict(self.made.inputs),
-            "versions": dict(self.made.versions),
-            "parameters": dict(self.made.parameters),
-            "seconds": dict(self.made.seconds),
+            "instruments": {prospect.instrument: _prospect(prospect) for prospect in self.outlook.prospects},
+            **self.made.to_json(),
         }
 
 
-def plan_json(plan: Trajectory, coordinates: Convention) -> dict[str, Any]:
-    """Return a plan as files say it."""
-    return {
-        "entry_mm": list(in_world(plan.entry_mm, coordinates)),
-        "target_mm": list(in_world(plan.target_mm, coordinates)),
-        "length_mm": plan.length_mm,
-    }
+def ends_json(line: Trajectory, coordinates: Convention) -> dict[str, Any]:
+    """Return the ends of a plan, or of a bore's axis, as files say them."""
+    ends = {"entry_mm": line.entry_mm, "target_mm": line.target_mm}
+    return {name: list(in_world(place, coordinates)) for name, place in ends.items()}
 
 
 def axis_of(pose: BorePose) -> Trajectory:

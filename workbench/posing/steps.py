@@ -23,7 +23,7 @@ from endoct.workbench.pipeline.volumes import facts_of
 from endoct.workbench.posing.figures import draw_cut, draw_wall, draw_wall_of_plan
 from endoct.workbench.posing.handover import write_handover
 from endoct.workbench.posing.pages import outlook_page, pose_page
-from endoct.workbench.posing.plan import Planned
+from endoct.workbench.posing.plan import PlannedBore
 from endoct.workbench.posing.prediction import SideInAir, compare_with, one_thread, predicted, save_compared
 from endoct.workbench.posing.result import Made, OutlookResult, PoseResult, pose_versions
 from endoct.workbench.report.figures.rendered import Drawn, write_figures
@@ -37,7 +37,7 @@ PREDICTED = "predicted"
 
 def find_sources(
     sources: Sequence[Source],
-    planned: Planned,
+    planned: PlannedBore,
     folder: Path | None,
     *,
     device: Device,
@@ -69,7 +69,7 @@ def find_sources(
     made = Made(
         inputs={name: digest for one in (*map(digests, planned.files), *of_sides) for name, digest in one.items()},
         versions=pose_versions(),
-        parameters={"device": device, **{one.name: one.panorama.provenance.get("parameters", {}) for one in sides}},
+        parameters={"device": device, **{side.name: side.panorama.provenance.get("parameters", {}) for side in sides}},
         seconds=_seconds(stages, start),
     )
     result = PoseResult(found, summary, planned.coordinates, made, volumes)
@@ -95,7 +95,9 @@ def find_side(given: SideInAir, device: str) -> SidePose:
     return find_alone(given.air.to(device), observe(given.side, cells))
 
 
-def write_folder(result: PoseResult, planned: Planned, sides: Spread[SideInAir], folder: Path, stages: Stages) -> None:
+def write_folder(
+    result: PoseResult, planned: PlannedBore, sides: Spread[SideInAir], folder: Path, stages: Stages
+) -> None:
     """Write all of a pose into ``folder``, which must not exist.
 
     A pose that is not told is not handed over: no transform, trajectory or mesh of it is written.
@@ -125,7 +127,7 @@ def write_side(given: SideInAir, pose: BorePose, made: Made, folder: Path) -> Dr
 
 
 def rehearse(
-    planned: Planned, radius_mm: float, seen_mm: float, folder: Path | None, *, device: Device, stages: Stages
+    planned: PlannedBore, radius_mm: float, seen_mm: float, folder: Path | None, *, device: Device, stages: Stages
 ) -> OutlookResult:
     """Rehearse recordings of a bore along a plan; write everything `endoct pose --plan-only` promises into ``folder``.
 

@@ -66,8 +66,8 @@ def numbers_per_frame(side: SideFindings) -> list[Number]:
 def main_and_others(side: SideFindings) -> tuple[list[Number], list[Number]]:
     """Return the few numbers that say how good the frames are, and all others that vary."""
     numbers = numbers_per_frame(side)
-    varying = [one for one in numbers if one.varies]
-    main = [one for one in numbers if one.usual] or varying[:MOST_WITHOUT_RANGE]
+    varying = [number for number in numbers if number.varies]
+    main = [number for number in numbers if number.usual] or varying[:MOST_WITHOUT_RANGE]
     return main, [one for one in varying if one not in main]
 
 

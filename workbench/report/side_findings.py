@@ -73,7 +73,7 @@ def recording_in(store: Path, panorama: Panorama) -> SideFindings:
 def flagged_frames(side: SideFindings) -> list[tuple[str, Mask]]:
     """Return what every flag says of the frames it speaks against ("bridged"), and these frames, bool (n_frames,)."""
     flags = (one for _, one in sorted(side.panorama.per_frame.items()) if one.trusted_when is not None)
-    return [(one.doubt, one.doubted) for one in flags]
+    return [(flag.doubt, flag.doubted) for flag in flags]
 
 
 def flag_rows(side: SideFindings) -> Iterator[list[str]]:

@@ -20,7 +20,6 @@ from endoct.fusion.result import (
     PairwiseScores,
     Raters,
     Reliefs,
-    ReliefStratum,
     Result,
     Scores,
     StoredAlignment,
@@ -134,15 +133,15 @@ def alignment_rows(alignment: StoredAlignment, *, by_hand: bool = False) -> Iter
     yield "Scaled along the bore by", f"{alignment.z_scale:.4f}{scale}"
     yield "Mirrored in θ", value_text("mirrored", alignment.mirrored)
     yield "Reversed in z", value_text("z_reversed", alignment.z_reversed)
-    if by_hand:
-        yield "Correlation of what shows the cells", share_text(alignment.correlation)
-        yield "Area that both observed", area_text(alignment.overlap_mm2)
-        return
-    yield "Confidence", share_text(alignment.confidence)
+    if not by_hand:
+        yield "Confidence", share_text(alignment.confidence)
     yield "Correlation of what shows the cells", share_text(alignment.correlation)
-    yield "Score over that of the next best place", _number(alignment.ratio)
-    yield "Probability that chance gives as much", _number(alignment.chance)
+    if not by_hand:
+        yield "Score over that of the next best place", _number(alignment.ratio)
+        yield "Probability that chance gives as much", _number(alignment.chance)
     yield "Area that both observed", area_text(alignment.overlap_mm2)
+    if by_hand:
+        return
     if bend := alignment.bend:
         along_mm, roll_rad = (max(map(abs, part), default=0.0) for part in (bend.shift_mm, bend.roll_rad))
         yield "Bends along the bore, by up to", f"{length_text(along_mm)} along, {_degrees(roll_rad, '°')} around"
@@ -232,21 +231,17 @@ def score_table(result: Result) -> tuple[list[str], list[list[str]]]:
 
 def relief_rows(reliefs: Reliefs) -> list[list[str]]:
     """Return a row for each range of depth: how far the second side's relief lies behind the first's."""
-    return [_relief_row(one) for one in reliefs.strata]
-
-
-def _relief_row(one: ReliefStratum) -> list[str]:
-    depths = (
-        f"below {one.to:g}"
-        if one.low is None
-        else f"{one.low:g} and more"
-        if one.to is None
-        else f"{one.low:g} to {one.to:g}"
-    )
-    limits = None if one.low_limit is None or one.high_limit is None else (one.low_limit, one.high_limit)
-    between = NOTHING if limits is None else " to ".join(f"{value:.3f}".replace("-", "−") for value in limits)
-    lengths = (length_text(value) for value in (one.median, one.mean, one.spread))
-    return [depths, area_text(one.area_mm2), *lengths, between, share_text(one.within_two_errors)]
+    rows = []
+    for stratum in reliefs.strata:
+        if stratum.low is None:
+            depths = f"below {stratum.to:g}"
+        else:
+            depths = f"{stratum.low:g} and more" if stratum.to is None else f"{stratum.low:g} to {stratum.to:g}"
+        limits = [limit for limit in (stratum.low_limit, stratum.high_limit) if limit is not None]
+        between = NOTHING if len(limits) < 2 else " to ".join(f"{limit:.3f}".replace("-", "−") for limit in limits)
+        lengths = (length_text(value) for value in (stratum.median, stratum.mean, stratum.spread))
+        rows.append([depths, area_text(stratum.area_mm2), *lengths, between, share_text(stratum.within_two_errors)])
+    return rows
 
 
 def rater_rows(raters: Raters) -> list[list[str]]:

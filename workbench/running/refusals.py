@@ -34,40 +34,33 @@ UNTOLD = 3
 def in_one_line(error: BaseException) -> str | None:
     """Return the line that the command line prints for an error, None where it is a fault of endoct's own."""
     if isinstance(error, EndoctError):
-        return str(with_flags(error))
-    if isinstance(error, MemoryError) or any(words in str(error) for words in _SHORT_OF_MEMORY):
-        return str(
-            EndoctError(
-                "memory ran out",
-                found=_last_line(error),
-                remedy="end other programs, use fewer --workers where there are some, or take a computer with more",
-            )
+        refused = with_flags(error)
+    elif isinstance(error, MemoryError) or any(words in str(error) for words in _SHORT_OF_MEMORY):
+        lines = [line for line in str(error).splitlines() if line.strip()]
+        refused = EndoctError(
+            "memory ran out",
+            found=lines[-1].strip() if lines else "",  # of the trace from another process, the error itself
+            remedy="end other programs, use fewer --workers where there are some, or take a computer with more",
         )
-    if isinstance(error, RecursionError):
-        return str(
-            EndoctError(
-                "something in the input is nested too deeply",
-                remedy="look into its sidecar and the other texts that belong to it",
-            )
+    elif isinstance(error, RecursionError):
+        remedy = "look into its sidecar and the other texts that belong to it"
+        refused = EndoctError("something in the input is nested too deeply", remedy=remedy)
+    elif isinstance(error, UnicodeEncodeError):
+        refused = EndoctError(
+            "a text cannot be written",
+            found=repr(error.object[error.start : error.end]),
+            expected="characters that Unicode has",
+            remedy="look for it in the names of the files, and rename them",
         )
-    if isinstance(error, UnicodeEncodeError):
-        return str(
-            EndoctError(
-                "a text cannot be written",
-                found=repr(error.object[error.start : error.end]),
-                expected="characters that Unicode has",
-                remedy="look for it in the names of the files, and rename them",
-            )
+    elif isinstance(error, OSError):
+        refused = EndoctError(
+            f"{error.filename} cannot be used" if error.filename else "the system refused to read or write",
+            found=cause_of(error),
+            remedy="see whether you may read and write there, and whether the disk is full",
         )
-    if isinstance(error, OSError):
-        return str(
-            EndoctError(
-                f"{error.filename} cannot be used" if error.filename else "the system refused to read or write",
-                found=cause_of(error),
-                remedy="see whether you may read and write there, and whether the disk is full",
-            )
-        )
-    return None
+    else:
+        return None
+    return str(refused)
 
 
 def with_flags(error: EndoctError) -> EndoctError:
@@ -89,7 +82,6 @@ class _VisibleFormatter(logging.Formatter):
     """Lines of a message as they are, and what is in them made visible."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Format a message."""
         return visible_lines(super().format(record))
 
 
@@ -103,12 +95,6 @@ def _warning_text(
 def visible_lines(text: str) -> str:
     """Return ``text`` with its lines as they are, and what is in them made visible."""
     return "\n".join(line if line.isprintable() else visible(line) for line in text.split("\n"))
-
-
-def _last_line(error: BaseException) -> str:
-    """Return the last line of what an error says: of the trace from another process, the error itself."""
-    lines = [line for line in str(error).splitlines() if line.strip()]
-    return lines[-1].strip() if lines else ""
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def test_other_code_does_not_take_it_over(squaring: Squaring, tmp_path: Path, mo
 
 def test_others_methods_count_by_their_modules() -> None:
     task = replace(load_task("segmentation"), methods={})
-    plan = Plan("segmentation", ("endoct", "li-raw"), (1,), 1, task.ranges)
+    plan = Plan("segmentation", ("endoct", "otsu"), (1,), 1, task.ranges)
     assert json.dumps(plan_facts(plan))
     assert set(checkpoint.source_digests(plan)) == {"endoct"}
     assert checkpoint._files("csv") == [Path(csv.__file__)]

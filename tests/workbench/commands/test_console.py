@@ -6,7 +6,7 @@ import pytest
 from mock_comparison import Kind, write_comparison
 
 from endoct.fusion.result import ByLi, Overlap, OwnRows, PairScores
-from endoct.workbench.commands.console import print_result
+from endoct.workbench.commands.console import print_either, print_result
 
 
 def test_the_indices_by_lis_threshold_stand_beside_the_others(
@@ -25,3 +25,11 @@ def test_the_indices_by_lis_threshold_stand_beside_the_others(
     ):
         assert print_result(tmp_path / folder, as_json=False) == 0
         assert capsys.readouterr().out.splitlines()[0] == f"{said}{by_li} (endoscope and oct)"
+
+
+def test_facts_are_printed_for_programs_and_lines_for_people(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = []
+    for as_json in (False, True):
+        assert print_either({"rows": 2}, ["two rows", "of three"], as_json=as_json) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed == ["two rows\nof three\n", '{\n "rows": 2\n}\n']

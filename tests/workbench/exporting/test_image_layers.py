@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.exporting.image_layers import Level, averaged, blocks, contrast_of, levels_of, read_level, thinned
+from endoct.workbench.exporting.image_layers import (
+    PyramidLevel,
+    averaged,
+    blocks,
+    contrast_of,
+    levels_of,
+    read_level,
+    thinned,
+)
 
 
 class Rows:
@@ -45,17 +53,17 @@ def test_long_samples_are_halved_less_often_until_the_level_is_small() -> None:
 
 def test_a_level_lies_in_the_middle_of_what_it_averages() -> None:
     grid = SurfaceGrid.full_circle(8, 64, z0_mm=0.5, dz_mm=0.1, radius_mm=2.0, theta0_rad=0.25)
-    level = Level(2, 4, (4, 16))
+    level = PyramidLevel(2, 4, (4, 16))
     assert level.step_mm(grid) == pytest.approx((0.2, 4 * grid.dtheta_mm))
     assert level.origin_mm(grid) == pytest.approx((0.55, 0.5 + 1.5 * grid.dtheta_mm))
     ids = np.arange(8 * 64).reshape(8, 64)
     np.testing.assert_array_equal(thinned(ids, level), ids[1::2, 2::4])
-    odd = thinned(ids[:3, :6], Level(2, 4, (2, 2)))
+    odd = thinned(ids[:3, :6], PyramidLevel(2, 4, (2, 2)))
     np.testing.assert_array_equal(odd, [[64 + 2, 64 + 0], [2 * 64 + 2, 2 * 64 + 0]])  # the last row, around the circle
 
 
 def test_a_level_is_read_as_if_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    layer, level = Rows(np.random.default_rng(1).normal(size=(37, 6))), Level(3, 2, (13, 3))
+    layer, level = Rows(np.random.default_rng(1).normal(size=(37, 6))), PyramidLevel(3, 2, (13, 3))
     whole = averaged(layer.values, 3, 2)
     monkeypatch.setattr("endoct.workbench.exporting.image_layers._BLOCK_ROWS", 6)
     np.testing.assert_array_equal(read_level(layer, level, 0, 13), whole)  # type: ignore[arg-type]

@@ -1,6 +1,8 @@
 """OME-Zarr, OME-TIFF and labels, read by other libraries: names, sizes in mm, and the marked place where it is."""
 
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,6 +17,7 @@ from marked_wall import MARK, PLACES, RADIUS_MM, UNSEEN, Place, grid, write_mark
 
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench import export
+from endoct.workbench.running.progress import SilentStages
 
 OME = "{http://www.openmicroscopy.org/Schemas/OME/2016-06}"
 HALF_SAMPLE = 0.5
@@ -191,6 +194,16 @@ def test_uneven_rows_become_even_ones_and_gaps_stay_open(tmp_path: Path) -> None
     assert_is_marked(image, (-0.5, 0.0), (0.05, of.dtheta_mm), place)
 
 
+class Watched(SilentStages):
+    def __init__(self) -> None:
+        super().__init__()
+        self.shares: list[float] = []
+
+    @contextmanager
+    def _displayed(self, title: str) -> Iterator[Callable[[float], None]]:
+        yield self.shares.append
+
+
 @pytest.mark.parametrize("to", ["ome-tiff", "labels"])
 def test_ome_tiff_is_read_by_simpleitk_too(tmp_path: Path, to: Any) -> None:
     comparison = write_marked_comparison(tmp_path / "result", PLACES[0])
@@ -209,3 +222,11 @@ def test_ome_tiff_is_the_same_whenever_it_is_written(tmp_path: Path, rows: int) 
     one, other = ((tmp_path / name).read_bytes() for name in names)
     assert one == other
     assert re.search(rb'UUID="urn:uuid:\w{8}-\w{4}-5', one)  # made of what is in it, not of the machine and the time
+
+
+def test_rows_of_all_channels_are_counted(tmp_path: Path) -> None:
+    tall = SurfaceGrid.full_circle(700, 40, z0_mm=-0.5, dz_mm=0.01, radius_mm=RADIUS_MM)
+    stages = Watched()
+    exported = export(write_marked(tmp_path / "wall.zarr", PLACES[0], tall), tmp_path / "x.ome.tif", progress=stages)
+    n_rows = 700 * len(exported.facts["channels"])  # type: ignore[arg-type]
+    assert stages.shares[:3] == [512 / n_rows, 700 / n_rows, 1212 / n_rows]

@@ -95,7 +95,7 @@ def test_a_placed_side_is_shown_where_the_alignment_puts_it(turned: int, mirrore
     placing = placing_of(grid, where)
     for row in range(grid.n_z):
         for column in range(grid.n_theta):
-            stored = placing.stored_row(row), placing.stored_column(column)
+            stored = placing.stored_row(row), (-column if placing.mirrored else column) % placing.n_theta
             z_mm, theta_rad = placing.row_mm[row], placing.theta0_rad + column * placing.dtheta_rad
             assert where.z_to_a(grid.z_mm[stored[0]]) == pytest.approx(z_mm)
             apart = where.theta_to_a(grid.theta_rad[stored[1]]) - theta_rad

@@ -5,7 +5,8 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ import pytest
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.result import Budget, BudgetPart, BudgetParts, Overlap, PairScores, Result, StoredAlignment
+from endoct.fusion.result import Bounded, Budget, BudgetPart, BudgetParts, Overlap, PairScores, Result, StoredAlignment
 from endoct.workbench import cli, summarise
+from endoct.workbench.pipeline.summarising import score_of
 
 
 def write(folder: Path, jaccard: float | None, digest: str = "", **changed: Any) -> Path:
@@ -73,6 +75,42 @@ def test_the_indices_by_lis_threshold_are_rows_of_their_own(tmp_path: Path) -> N
         known, not_known = ([each[key] for key in ("value", "low", "high")] for each in rows(tables, "scores", name))
         assert known == pytest.approx(row)
         assert not_known == [None, None, None]
+
+
+def test_every_score_has_its_own_interval(tmp_path: Path) -> None:
+    def of(name: str, value: float, interval: str) -> dict[str, Any]:
+        return {name: value, interval: [value - 0.25, value + 0.25]}
+
+    counts = {"of_reference": 3, "of_other": 4}
+    limits = {"pairs": 3, "low": 0.0, "high": 0.0, "sd": 0.0}
+    scores = {
+        "grid": of("jaccard", 0.5, "jaccard_interval") | of("dice", 0.75, "dice_interval"),
+        "boundary": of("mean_mm", 1.0, "mean_interval_mm")
+        | of("within_share", 1.25, "within_interval")
+        | {"p95_mm": 1.5, "tolerance_mm": 0.1},
+        "cells": counts
+        | of("precision", 1.75, "precision_interval")
+        | of("recall", 2.0, "recall_interval")
+        | of("quality", 2.25, "quality_interval"),
+        "area_mm2": limits | of("bias", 2.5, "bias_interval"),
+        "depth_mm": limits | of("bias", 2.75, "bias_interval"),
+    }
+    tables = summarise([write(tmp_path / "with", 0.5, scores=scores)])
+    with_interval = {
+        "jaccard": 0.5, "dice": 0.75, "boundary_mean_mm": 1.0, "boundary_within_share": 1.25, "cell_precision": 1.75,
+        "cell_recall": 2.0, "cell_quality": 2.25, "area_bias_mm2": 2.5, "depth_bias_mm": 2.75,
+    }  # fmt: skip
+    for name, value in with_interval.items():
+        (row,) = rows(tables, "scores", name)
+        assert (row["value"], row["low"], row["high"]) == (value, value - 0.25, value + 0.25), name
+    bounds = SimpleNamespace(
+        light=Bounded(of="oct", expected=0.9, low=0.8, high=0.95), depth=Bounded(of="oct", expected=0.7, low=0.6)
+    )
+    result = cast("Result", SimpleNamespace(bounds=bounds))
+    assert score_of(result, "expected_light") == (0.9, (0.8, 0.95))
+    assert score_of(result, "expected_depth") == (0.7, None)
+    (p95,) = rows(tables, "scores", "boundary_p95_mm")
+    assert (p95["value"], p95["low"]) == (1.5, None)
 
 
 def rows(tables: dict[str, list[dict[str, Any]]], name: str, score: str) -> list[dict[str, Any]]:

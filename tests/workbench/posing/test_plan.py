@@ -8,12 +8,12 @@ import pytest
 import SimpleITK as sitk
 from pose_case import PoseCase
 
-from endoct.workbench.posing.plan import Planned, read_plan
+from endoct.workbench.posing.plan import PlannedBore, read_plan
 
 SIGNS = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 
 
-def in_lps(planned: Planned) -> tuple[np.ndarray, np.ndarray]:
+def in_lps(planned: PlannedBore) -> tuple[np.ndarray, np.ndarray]:
     """Return the world places of the corner voxels and of the plan, whatever the order of voxels."""
     shape, ct = np.array(planned.ct.voxels.shape) - 1, planned.ct
     corners = np.array([np.array(corner) * shape for corner in np.ndindex(2, 2, 2)]) @ ct.steps_mm + ct.origin_mm

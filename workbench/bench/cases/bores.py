@@ -112,12 +112,8 @@ def nearest_the_end(panorama: Panorama, pose: TruePose, seen_mm: float | None) -
     if z_mm.size < 2 or not frames.any():
         raise EndoctError(f"{seen_mm:g} mm of the bore leave nothing of the {panorama.modality} panorama")
     rows = panorama.grid.rows_mm
-    grid = replace(
-        panorama.grid,
-        n_z=z_mm.size,
-        z0_mm=float(z_mm[0]),
-        rows_mm=None if rows is None else tuple(z_mm.tolist()),
-    )
+    uneven = None if rows is None else tuple(z_mm.tolist())
+    grid = replace(panorama.grid, n_z=z_mm.size, z0_mm=float(z_mm[0]), rows_mm=uneven)
     return replace(
         panorama,
         grid=grid,
@@ -149,11 +145,13 @@ def own_cases(folder: Path) -> list[PoseCase]:
         name, conditions = f"{folder.name}-{sides}", {"specimen": folder.name, "sides": sides}
         if line.is_file() and not simulated.is_file():
             given = (tuple(panoramas[side] for side in chosen), *_planned(folder))
-            cases.append(Case(name, given, _true_line(line), conditions))
+            true = read_line(line)[0]
+            cases.append(Case(name, given, TrueBore(true.to_lps, true.length_mm), conditions))
             continue
         case = posed_case(folder, [panoramas[side] for side in chosen], seed=_seed_of(folder))
         case = replace(case, name=name, conditions=conditions)
-        cases.append(replace(case, given=(case.given[0], *_planned(folder))) if _has_plan(folder) else case)
+        has_plan = (folder / PLAN_FILE).is_file()
+        cases.append(replace(case, given=(case.given[0], *_planned(folder))) if has_plan else case)
     return cases
 
 
@@ -181,12 +179,8 @@ def _sides_in(folder: Path) -> list[str]:
     return names
 
 
-def _has_plan(folder: Path) -> bool:
-    return (folder / PLAN_FILE).is_file()
-
-
 def _planned(folder: Path) -> tuple[CtVolume, Trajectory]:
-    if not _has_plan(folder):
+    if not (folder / PLAN_FILE).is_file():
         raise EndoctError(f"{folder} holds no plan", expected=f"{PLAN_FILE}, a line of 3D Slicer from entry to target")
     planned = read_plan(ct_of(folder), None, None, folder / PLAN_FILE, None)
     return planned.ct, planned.plan
@@ -211,11 +205,6 @@ def _sector(panorama: Panorama, pose: TruePose, middle_rad: float, share: float)
     """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
     apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
     return np.asarray(apart <= np.pi * share)[np.newaxis]
-
-
-def _true_line(path: Path) -> TrueBore:
-    true = read_line(path)[0]
-    return TrueBore(true.to_lps, true.length_mm)
 
 
 def _triple(place: Coordinates) -> tuple[float, float, float]:

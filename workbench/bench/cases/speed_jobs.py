@@ -194,17 +194,12 @@ def levels_db(spectra: Counts, places: Coordinates, background: Coordinates) -> 
     return rows
 
 
-def recording_file(specimen: Path, side: str) -> Path:
-    """Return what holds the frames of ``side`` in a simulated specimen."""
-    return specimen / side / "pullback.tif" if side == "oct" else specimen / side
-
-
 def resized(specimen: Path, side: str, width: int) -> tuple[int, Frames]:
     """Return how many frames a simulated recording has, and what reads one at ``width`` A-scans or columns.
 
     A B-scan keeps its depth samples, an image its shape.
     """
-    stack = open_stack(recording_file(specimen, side))
+    stack = open_stack(specimen / side / "pullback.tif" if side == "oct" else specimen / side)
 
     def frame(index: int) -> NDArray[Any]:
         image = np.ascontiguousarray(stack[index])
@@ -245,7 +240,7 @@ def write_recording(specimen: Path, side: str, count: int, width: int, folder: P
     shutil.copy(specimen / side / "acquisition.toml", folder)
     tifffile.imwrite(
         folder / "recording.tif",
-        (one.astype(kind, copy=False) for one in frames),
+        (frame.astype(kind, copy=False) for frame in frames),
         shape=(count, *first.shape),
         dtype=kind,
         photometric="rgb" if first.ndim == 3 else "minisblack",

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 from markupsafe import Markup
 from matplotlib.axes import Axes
@@ -50,14 +51,14 @@ def _section(board: TaskBoard) -> dict[str, object]:
         "board": board,
         "losses": [_sentence(loss) for loss in board.losses()],
         "tables": [
-            (", ".join(filter(None, (GENERATORS[one], side))), board.standings(one, side=side))
-            for one in board.generators
-            for side in board.sides(one)
+            (", ".join(filter(None, (GENERATORS[generator], side))), board.standings(generator, side=side))
+            for generator in board.generators
+            for side in board.sides(generator)
         ],
         "curves": _svg(_curves(board)),
         "costs": _svg(_costs(board)),
-        "specimens": [(GENERATORS[one], _by_case(board, one)) for one in board.generators],
-        "origins": [[visible(one.name), visible(one.origin), one.file] for one in board.entrants],
+        "specimens": [(GENERATORS[generator], _by_case(board, generator)) for generator in board.generators],
+        "origins": [[visible(entrant.name), visible(entrant.origin), entrant.file] for entrant in board.entrants],
         "runs": _runs(board),
         "number": number,
         "check": _check,
@@ -93,13 +94,13 @@ def _by_case(board: TaskBoard, generator: Generator) -> tuple[list[str], list[tu
             value = row.scores.get(board.scored.score)
             reason = ": ".join(filter(None, (WORDS_OF_STATUS[row.status], visible(row.reason))))
             by_case.setdefault(row.case, {})[entrant.name] = reason or (number(value) if value is not None else "–")
-    names = [one.name for one in board.entrants]
+    names = [entrant.name for entrant in board.entrants]
     return names, [(case, [cells.get(name, "–") for name in names]) for case, cells in by_case.items()]
 
 
 def _runs(board: TaskBoard) -> list[list[str]]:
     """Return a line a submission: its file, its data, endoct's version, the processor and the hours it took."""
-    submissions = {one.file: one.submission for one in board.entrants}
+    submissions = {entrant.file: entrant.submission for entrant in board.entrants}
     return [
         [
             file,
@@ -139,11 +140,11 @@ def _curves(board: TaskBoard) -> Figure:
             words = board.difficulties(generator)
             lines: dict[str, list[Standing]] = {}
             for word in words:
-                for one in board.standings(generator, word):
-                    lines.setdefault(one.entrant.name, []).append(one)
+                for standing in board.standings(generator, word):
+                    lines.setdefault(standing.entrant.name, []).append(standing)
             for name, points in lines.items():
-                _line(panels[0][column], points, styles[name], name, [one.success.k / one.success.n for one in points])
-                _line(panels[1][column], points, styles[name], name, [one.median for one in points])
+                _line(panels[0][column], styles[name], name, [point.success.k / point.success.n for point in points])
+                _line(panels[1][column], styles[name], name, [point.median for point in points])
             panels[0][column].set(title=GENERATORS[generator], ylim=(-0.03, 1.03))
             panels[1][column].set_xticks(range(len(words)), words)
             if board.scored.better == "lower":
@@ -156,17 +157,10 @@ def _curves(board: TaskBoard) -> Figure:
         return figure
 
 
-def _line(axes: Axes, points: Sequence[Standing], style: Style, name: str, values: Sequence[float]) -> None:
-    axes.plot(
-        range(len(points)),
-        values,
-        style.line,
-        color=style.colour,
-        marker=style.marker,
-        markersize=4,
-        linewidth=2.2 if name == OURS else 1.0,
-        label=visible(name).lstrip("_") or "_",  # matplotlib lists no line whose name begins with that
-    )
+def _line(axes: Axes, style: Style, name: str, values: Sequence[float]) -> None:
+    options = {**style.options, "markersize": 4, "linewidth": 2.2 if name == OURS else 1.0}
+    # matplotlib lists no line whose name begins with "_"
+    axes.plot(range(len(values)), values, label=visible(name).lstrip("_") or "_", **options)
     axes.grid(axis="y", linewidth=0.3)
 
 
@@ -177,17 +171,11 @@ def _costs(board: TaskBoard) -> Figure:
         figure = Figure(figsize=(PAGE_WIDTH_IN, 2.4), layout="constrained")
         panels = figure.subplots(1, len(board.generators), squeeze=False, sharey=True)[0]
         for axes, generator in zip(panels, board.generators, strict=True):
-            for one in board.standings(generator):
-                style, at = styles[one.entrant.name], one.success.k / one.success.n
-                axes.errorbar(
-                    max(one.seconds, 1e-3),
-                    at,
-                    [[max(0.0, at - one.success.low)], [max(0.0, one.success.high - at)]],
-                    fmt=style.marker,
-                    color=style.colour,
-                    markersize=5,
-                    linewidth=0.6,
-                )
+            for standing in board.standings(generator):
+                style, at = styles[standing.entrant.name], standing.success.k / standing.success.n
+                error = [[max(0.0, at - standing.success.low)], [max(0.0, standing.success.high - at)]]
+                options: dict[str, Any] = {"color": style.colour, "markersize": 5, "linewidth": 0.6}
+                axes.errorbar(max(standing.seconds, 1e-3), at, error, fmt=style.marker, **options)
             axes.set(xscale="log", ylim=(-0.03, 1.03), title=GENERATORS[generator], xlabel="median seconds a case")
             number_decades(axes.xaxis)
             axes.grid(linewidth=0.3)

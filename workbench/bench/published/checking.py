@@ -142,7 +142,7 @@ def check(
     names = _methods_to_run(submission, methods, programs)
     entries = _here(submission, data)
     digest = digest_of(submission)
-    chosen = sorted(entries, key=lambda one: hashlib.sha256(f"{nonce} {digest} {one.name}".encode()).digest())
+    chosen = sorted(entries, key=lambda entry: hashlib.sha256(f"{nonce} {digest} {entry.name}".encode()).digest())
     chosen = chosen[:sample]
     check_entries(data, chosen, stages)
     task = with_programs(load_task(submission.task), programs)
@@ -188,7 +188,7 @@ def _methods_to_run(submission: Submission, methods: Sequence[str], programs: Ma
 
 def _here(submission: Submission, data: Path) -> tuple[Entry, ...]:
     """Return the specimens of a submission as they are in ``data``. Raises where it has others by the same names."""
-    there = {one.name: one for one in read_finished_set(data).specimens}
+    there = {specimen.name: specimen for specimen in read_finished_set(data).specimens}
     for entry in submission.specimens:
         if entry.name not in there:
             raise EndoctError(f"{data} lacks {entry.name}", expected=f"the {submission.half} half of {submission.set}")

@@ -77,10 +77,9 @@ class Examples:
         if self.task.own is None:
             raise EndoctError(f"the task '{self.task.name}' reads no folders")
         case = self.task.own(self.root / entry.name)[number]
-        arrays = {
-            name: np.array(array) for name, array in _ARRAYS[self.task.name](case).items()
-        }  # torch writes to them
-        return {"name": case.name, "specimen": entry.name, **arrays}
+        arrays = _ARRAYS[self.task.name](case).items()
+        # copies: torch writes to them
+        return {"name": case.name, "specimen": entry.name, **{name: np.array(array) for name, array in arrays}}
 
 
 def _side(panorama: Panorama, prefix: str = "") -> Arrays:
@@ -91,10 +90,6 @@ def _side(panorama: Panorama, prefix: str = "") -> Arrays:
         f"{prefix}has_depth": np.array(depth is not None),
         f"{prefix}valid": panorama.valid,
     }
-
-
-def _segmentation(case: AnyCase) -> Arrays:
-    return {**_side(case.given), "cell": np.asarray(case.truth)}
 
 
 def _stitching(case: AnyCase) -> Arrays:
@@ -129,13 +124,9 @@ def _alignment(case: AnyCase) -> Arrays:
 
 
 def _depth(case: AnyCase) -> Arrays:
-    panorama = case.given.panorama
-    return {
-        "intensity": panorama.intensity,
-        "valid": panorama.valid,
-        "relief_mm": case.truth.relief_mm,
-        "cell": case.truth.cell,
-    }
+    panorama, truth = case.given.panorama, case.truth
+    seen = {"intensity": panorama.intensity, "valid": panorama.valid}
+    return {**seen, "relief_mm": truth.relief_mm, "cell": truth.cell}
 
 
 def _pose(case: AnyCase) -> Arrays:
@@ -154,7 +145,7 @@ def _pose(case: AnyCase) -> Arrays:
 
 
 _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
-    "segmentation": _segmentation,
+    "segmentation": lambda case: {**_side(case.given), "cell": np.asarray(case.truth)},
     "stitching": _stitching,
     "oct": _oct,
     "alignment": _alignment,
@@ -171,8 +162,8 @@ def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool 
     if layout not in get_args(Layout):
         raise EndoctError(f"there is no layout '{layout}'", expected=" or ".join(get_args(Layout)))
     entries = read_finished_set(folder).specimens
-    splits = list(dict.fromkeys(one.split for one in entries if "segmentation" in one.tasks))
-    facts = {one.name: {"generator": str(one.generator), "difficulty": str(one.difficulty)} for one in entries}
+    splits = list(dict.fromkeys(entry.split for entry in entries if "segmentation" in entry.tasks))
+    facts = {entry.name: {"generator": str(entry.generator), "difficulty": str(entry.difficulty)} for entry in entries}
     write = _WRITERS[layout]
     n_written = 0
     with (

@@ -201,19 +201,7 @@ def make_specimen(output: Path, specimen: Planned, write: Writer) -> Entry:
                 inputs = {Path(path).name: digest for path, digest in panorama.provenance.get("inputs", {}).items()}
                 stored = replace(panorama, provenance={**panorama.provenance, "inputs": inputs})
                 save_panorama(stored, folder / f"{side}.zarr")
-        entry = entry_of(
-            folder,
-            Entry(
-                name=specimen.name,
-                generator=kind.generator,
-                difficulty=kind.difficulty,
-                tasks=kind.tasks,
-                split=specimen.split,
-                recorded={},
-                unrolled={},
-                means={},
-            ),
-        )
+        entry = entry_of(folder, specimen)
         (folder / SPECIMEN_FILE).write_text(entry.model_dump_json(indent=1) + "\n", encoding="utf-8")
         folder.rename(place)
     return entry

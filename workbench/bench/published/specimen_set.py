@@ -25,7 +25,7 @@ from endoct.base.zarr.zarr_store import read_arrays
 from endoct.modalities.recognition import open_recording
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
-from endoct.workbench.bench.published.definition import Difficulty, Generator, Half, Size, Split, Stored
+from endoct.workbench.bench.published.definition import Difficulty, Generator, Half, Planned, Size, Split, Stored
 from endoct.workbench.dataset.set_files import digest_of
 
 SET_FILE, SPECIMEN_FILE = "set.json", "specimen.json"
@@ -102,7 +102,7 @@ class SpecimenSet(Stored):
 
 def digest_of_entries(entries: Sequence[Entry]) -> str:
     """Return the sha256 of the digests of specimens, in order."""
-    return hashlib.sha256("".join(one.digest for one in entries).encode()).hexdigest()
+    return hashlib.sha256("".join(entry.digest for entry in entries).encode()).hexdigest()
 
 
 def shipped_entries(name: str) -> dict[str, Entry]:
@@ -110,7 +110,7 @@ def shipped_entries(name: str) -> dict[str, Entry]:
     path = files(__package__).joinpath(f"{name}.public.json")
     if not path.is_file():
         return {}
-    return {one.name: one for one in SpecimenSet.model_validate_json(path.read_text("utf-8")).specimens}
+    return {specimen.name: specimen for specimen in SpecimenSet.model_validate_json(path.read_text("utf-8")).specimens}
 
 
 def read_set(folder: Path) -> SpecimenSet:
@@ -155,17 +155,19 @@ def check_specimen(folder: Path, entry: Entry) -> None:
         )
 
 
-def entry_of(folder: Path, stated: Entry) -> Entry:
-    """Return ``stated`` with the digests and means of the specimen in ``folder``."""
-    panoramas = panoramas_of(folder)
+def entry_of(folder: Path, specimen: Planned) -> Entry:
+    """Return the entry of a specimen that was made in ``folder``, with its panoramas."""
+    panoramas, kind = panoramas_of(folder), specimen.kind
     means = {f"{side}.zarr": panorama_means(panorama) for side, panorama in panoramas.items()}
-    means["truth"] = truth_means(folder / "truth")
-    return stated.model_copy(
-        update={
-            "recorded": recorded_digests(folder),
-            "unrolled": unrolled_digests(panoramas),
-            "means": frame_means(folder) | means,
-        }
+    return Entry(
+        name=specimen.name,
+        generator=kind.generator,
+        difficulty=kind.difficulty,
+        tasks=kind.tasks,
+        split=specimen.split,
+        recorded=recorded_digests(folder),
+        unrolled=unrolled_digests(panoramas),
+        means=frame_means(folder) | means | {"truth": truth_means(folder / "truth")},
     )
 
 

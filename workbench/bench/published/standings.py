@@ -101,12 +101,12 @@ class TaskBoard:
     def generators(self) -> tuple[Generator, ...]:
         """Return who made the specimens, in order."""
         entries = self.entrants[0].submission.specimens
-        return tuple(dict.fromkeys(one.generator for one in entries))
+        return tuple(dict.fromkeys(entry.generator for entry in entries))
 
     @property
     def has_equal_data(self) -> bool:
         """Say whether all entrants were given data that are equal to the bit."""
-        return len({one.submission.data_digest for one in self.entrants}) == 1
+        return len({entrant.submission.data_digest for entrant in self.entrants}) == 1
 
     def sides(self, generator: Generator) -> tuple[str, ...]:
         """Return which sides the cases of a generator are of, where the task tells: "oct", "endoscope", "both"."""
@@ -117,9 +117,9 @@ class TaskBoard:
     ) -> list[Scored]:
         """Return an entrant's rows on the specimens of a generator, or of one of its difficulties, or of a side."""
         wanted = {
-            one.name
-            for one in entrant.submission.specimens
-            if one.generator == generator and difficulty in (None, one.difficulty)
+            specimen.name
+            for specimen in entrant.submission.specimens
+            if specimen.generator == generator and difficulty in (None, specimen.difficulty)
         }
         return [row for row in entrant.rows if row.specimen in wanted and side in (None, side_of(row))]
 
@@ -130,36 +130,36 @@ class TaskBoard:
 
         What was not answered is worse than any answer. Who was found to have other scores comes last.
         """
-        given = [(one, self.rows(one, generator, difficulty, side)) for one in self.entrants]
+        given = [(entrant, self.rows(entrant, generator, difficulty, side)) for entrant in self.entrants]
         sign = -1 if self.scored.better == "higher" else 1
-        made = [_standing(one, rows, self.scored.score, sign) for one, rows in given if rows]
+        made = [_standing(entrant, rows, self.scored.score, sign) for entrant, rows in given if rows]
         trust = {0: 1, -1: 2}
         return sorted(
             made,
-            key=lambda one: (
-                trust.get(one.entrant.checked, 0),
-                -one.success.k / one.success.n,
-                sign * one.median,
-                one.cases - one.ok,
+            key=lambda standing: (
+                trust.get(standing.entrant.checked, 0),
+                -standing.success.k / standing.success.n,
+                sign * standing.median,
+                standing.cases - standing.ok,
             ),
         )
 
     def difficulties(self, generator: Generator) -> tuple[Difficulty, ...]:
         """Return the difficulties that the specimens of a generator have, easy first."""
-        given = {one.difficulty for one in self.entrants[0].submission.specimens if one.generator == generator}
-        return tuple(one for one in DIFFICULTIES if one in given)
+        given = {entry.difficulty for entry in self.entrants[0].submission.specimens if entry.generator == generator}
+        return tuple(difficulty for difficulty in DIFFICULTIES if difficulty in given)
 
     def losses(self) -> list[Loss]:
         """Return where another method is better than endoct's own in more cases than it is worse, or succeeds more."""
-        ours = next((one for one in self.entrants if one.name == OURS), None)
+        ours = next((entrant for entrant in self.entrants if entrant.name == OURS), None)
         if ours is None:
             return []
         losses = [
-            self._loss(generator, ours, one, side)
+            self._loss(generator, ours, other, side)
             for generator in self.generators
             for side in self.sides(generator)
-            for one in self.entrants
-            if one != ours and one.checked >= 0
+            for other in self.entrants
+            if other != ours and other.checked >= 0
         ]
         return [loss for loss in losses if loss.better > loss.worse or loss.successes[0] > loss.successes[1]]
 
@@ -172,7 +172,7 @@ class TaskBoard:
         for row in theirs_of:
             if (against := mine.get(row.case)) is None:
                 continue
-            theirs, own = (_main(one, self.scored.score) for one in (row, against))
+            theirs, own = (_main(scored, self.scored.score) for scored in (row, against))
             if np.isfinite(theirs) and np.isfinite(own):
                 both.append((theirs, own))
             lead = float(_won(row) - _won(against))
@@ -205,22 +205,23 @@ def read_boards(folder: Path, receipts: Path | None = None) -> list[TaskBoard]:
     read = [(path.stem, read_submission(path)) for path in files]
     known = read_receipts(receipts)
     boards = []
-    for key in dict.fromkeys((one.set, one.half, one.size, one.task) for _, one in read):
-        same = [(name, one) for name, one in read if (one.set, one.half, one.size, one.task) == key]
+    for board in dict.fromkeys(submission.board for _, submission in read):
+        same = [(name, submission) for name, submission in read if submission.board == board]
         _check_alike(same)
-        name, half, size, task_name = key
+        name, half, size, task_name = board
         definition = load_definition(name)
         if task_name not in definition.tasks:
             raise EndoctError(f"{name} has no task '{task_name}'", expected=" or ".join(definition.tasks))
-        generators = {one.generator for one in same[0][1].specimens}
+        generators = {specimen.generator for specimen in same[0][1].specimens}
         all_planned = [
-            one
-            for one in planned(definition, half, size, definition.public_key)
-            if one.kind.generator in generators and task_name in one.kind.tasks
+            specimen
+            for specimen in planned(definition, half, size, definition.public_key)
+            if specimen.kind.generator in generators and task_name in specimen.kind.tasks
         ]
-        whole = [one.name for one in all_planned if one.split == "test"] or [one.name for one in all_planned]
-        for file, one in same:
-            check_credible(one, file, whole)
+        tested = [specimen for specimen in all_planned if specimen.split == "test"] or all_planned
+        whole = [specimen.name for specimen in tested]
+        for file, submission in same:
+            check_credible(submission, file, whole)
         scored = definition.tasks[task_name]
         meaning = load_task(task_name).scores[scored.score]
         boards.append(TaskBoard(name, half, size, task_name, scored, meaning, tuple(_entrants(same, known))))
@@ -232,7 +233,7 @@ def _check_alike(same: Sequence[tuple[str, Submission]]) -> None:
     cases = {(row.specimen, row.case) for row in first.rows}
     for name, other in same[1:]:
         pairs = zip(first.specimens, other.specimens, strict=False)
-        alike = len(first.specimens) == len(other.specimens) and all(one.is_alike(two) for one, two in pairs)
+        alike = len(first.specimens) == len(other.specimens) and all(mine.is_alike(theirs) for mine, theirs in pairs)
         if not alike or {(row.specimen, row.case) for row in other.rows} != cases:
             raise EndoctError(
                 f"the submissions {first_name} and {name} were run on different recordings",
@@ -249,11 +250,11 @@ def _entrants(same: Sequence[tuple[str, Submission]], known: Mapping[str, Sequen
     receipts = {file: known.get(digest_of(submission), ()) for file, submission in same}
     for file, submission in sorted(same, key=lambda one: not receipts[one[0]]):  # a name is first of who was checked
         for name, origin in submission.methods.items():
-            checks = [one for one in receipts[file] if name in one.verdicts]
-            checked = len({specimen for one in checks for specimen in one.specimens})
-            if any(one.verdicts[name] == "different" for one in checks):
+            checks = [receipt for receipt in receipts[file] if name in receipt.verdicts]
+            checked = len({specimen for check in checks for specimen in check.specimens})
+            if any(check.verdicts[name] == "different" for check in checks):
                 checked = -1
-            taken = any(one.name == name for one in entrants)
+            taken = any(entrant.name == name for entrant in entrants)
             rows = tuple(row for row in submission.rows if row.method == name)
             entrants.append(Entrant(f"{name} ({file})" if taken else name, origin, file, submission, rows, checked))
     return entrants

@@ -52,7 +52,7 @@ def submit(
     specimens = read_finished_set(data)
     task = with_programs(load_task(task_name), programs)
     entries = entries_for(specimens, task_name, data)
-    folders = tuple((data / one.name).absolute() for one in entries)
+    folders = tuple((data / entry.name).absolute() for entry in entries)
     plan = Plan(
         task_name, check_names(task, [*methods, *programs]), own=folders, programs=programs, hidden=data.absolute()
     )
@@ -89,9 +89,9 @@ def entries_for(specimens: SpecimenSet, task: str, folder: Path) -> tuple[Entry,
             f"{specimens.set} in {folder} is closed: every specimen of it is to learn from",
             remedy="`endoct bench make` with that folder makes today's benchmark of the same specimens",
         )
-    entries = tuple(one for one in specimens.specimens if task in one.tasks and one.split == "test")
+    entries = tuple(specimen for specimen in specimens.specimens if task in specimen.tasks and specimen.split == "test")
     if not entries:
-        known = sorted({each for one in specimens.specimens for each in one.tasks})
+        known = sorted({name for specimen in specimens.specimens for name in specimen.tasks})
         raise EndoctError(f"no specimen of {folder} is for the task '{task}'", expected=" or ".join(known))
     return entries
 

@@ -63,6 +63,11 @@ class Submission(Stored):
     seconds: float
 
     @property
+    def board(self) -> tuple[str, Half, Size, str]:
+        """The set and the task whose board it is of."""
+        return self.set, self.half, self.size, self.task
+
+    @property
     def data_digest(self) -> str:
         """Return the digest of the specimens that it was run on."""
         return digest_of_entries(self.specimens)

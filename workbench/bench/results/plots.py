@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -62,6 +62,11 @@ class Style:
     marker: str
     line: LineStyle
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """Return the same for matplotlib."""
+        return {"color": self.colour, "marker": self.marker, "linestyle": self.line, "markersize": 3, "linewidth": 1}
+
 
 STYLES = [
     Style(colour, marker, line)
@@ -91,20 +96,24 @@ def _overview(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], path: P
     """Draw every answer's scores as a dot, with median and quartiles, a line a method."""
     methods = list(dict.fromkeys(frame["method"]))
     with journal_style():
-        panels = [*scores, ""]
-        n_columns = min(3, len(panels))
-        n_rows = math.ceil(len(panels) / n_columns)
-        figure = Figure(figsize=(PAGE_WIDTH_IN, n_rows * (0.75 + 0.19 * len(methods)) + 0.3), layout="constrained")
-        for k, name in enumerate(panels):
-            axes = figure.add_subplot(n_rows, n_columns, k + 1)
-            axes.set_yticks(range(len(methods)), methods if k % n_columns == 0 else [])
+        figure, panels = _panels(len(scores) + 1, 0.75 + 0.19 * len(methods), 0.3)
+        for k, axes in enumerate(panels):
+            axes.set_yticks(range(len(methods)), methods if k % 3 == 0 else [])
             axes.set_ylim(len(methods) - 0.5, -0.5)
-            if name:
-                _dots(axes, frame, f"{SCORE}{name}")
-                axes.set_title(_title(name, task))
-            else:
-                _outcomes(axes, frame)
-        return _save(figure, path)
+        for name, axes in zip(scores, panels, strict=False):
+            _dots(axes, frame, f"{SCORE}{name}")
+            axes.set_title(_title(name, task))
+        _outcomes(panels[-1], frame)
+        figure.savefig(path, dpi=DPI)
+    return path
+
+
+def _panels(n: int, row_in: float, more_in: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of ``n`` panels, three in a row of the height ``row_in``, and these."""
+    n_columns = min(3, n)
+    n_rows = math.ceil(n / n_columns)
+    figure = Figure(figsize=(PAGE_WIDTH_IN, n_rows * row_in + more_in), layout="constrained")
+    return figure, [figure.add_subplot(n_rows, n_columns, k + 1) for k in range(n)]
 
 
 def _dots(axes: Axes, frame: pd.DataFrame, column: str) -> None:
@@ -138,14 +147,10 @@ def _against(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], conditio
     """Draw scores, success and how many were not answered against one condition, a curve a method."""
     methods = list(dict.fromkeys(frame["method"]))
     frame = frame[frame[condition].notna()]
-    panels = [*scores, *([SUCCESS] if frame.get(f"{SCORE}{SUCCESS}", pd.Series()).notna().any() else []), UNANSWERED]
-    n_columns = min(3, len(panels))
-    n_rows = math.ceil(len(panels) / n_columns)
-    legend_in = 0.25 * math.ceil(len(methods) / 4)
+    named = [*scores, *([SUCCESS] if frame.get(f"{SCORE}{SUCCESS}", pd.Series()).notna().any() else []), UNANSWERED]
     with journal_style():
-        figure = Figure(figsize=(PAGE_WIDTH_IN, 1.75 * n_rows + legend_in), layout="constrained")
-        for k, name in enumerate(panels):
-            axes = figure.add_subplot(n_rows, n_columns, k + 1)
+        figure, panels = _panels(len(named), 1.75, 0.25 * math.ceil(len(methods) / 4))
+        for name, axes in zip(named, panels, strict=True):
             for place, method in enumerate(methods):
                 shift = (place - (len(methods) - 1) / 2) / max(1, len(methods) - 1)
                 _curve(axes, frame[frame["method"] == method], condition, name, STYLES[place], shift)
@@ -156,22 +161,12 @@ def _against(frame: pd.DataFrame, task: AnyTask, scores: Sequence[str], conditio
             else:
                 axes.set_ylim(-0.03, 1.03)
             _label(axes, frame, condition)
-        handles = [_handle(style, method) for style, method in zip(STYLES, methods, strict=False)]
+        handles = [
+            Line2D([], [], label=method, **style.options) for style, method in zip(STYLES, methods, strict=False)
+        ]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, frameon=False)
-        return _save(figure, path)
-
-
-def _handle(style: Style, method: str) -> Line2D:
-    return Line2D(
-        [],
-        [],
-        color=style.colour,
-        marker=style.marker,
-        linestyle=style.line,
-        markersize=3,
-        linewidth=1,
-        label=method,
-    )
+        figure.savefig(path, dpi=DPI)
+    return path
 
 
 def _curve(axes: Axes, own: pd.DataFrame, condition: str, name: str, style: Style, shift: float) -> None:
@@ -197,33 +192,16 @@ def _curve(axes: Axes, own: pd.DataFrame, condition: str, name: str, style: Styl
     if numeric and name not in (SUCCESS, UNANSWERED):
         _cases(axes, own, condition, f"{SCORE}{name}", style)
     middle, low, high = np.transpose(values)
-    axes.errorbar(
-        at,
-        middle,
-        np.maximum([middle - low, high - middle], 0),
-        color=style.colour,
-        marker=style.marker,
-        linestyle=style.line if numeric else "none",
-        markersize=3,
-        linewidth=1,
-        elinewidth=0.4,
-    )
+    options = {**style.options, "elinewidth": 0.4} | ({} if numeric else {"linestyle": "none"})
+    axes.errorbar(at, middle, np.maximum([middle - low, high - middle], 0), **options)
 
 
 def _cases(axes: Axes, own: pd.DataFrame, condition: str, score: str, style: Style) -> None:
     """Draw every case, filled, or hollow where it was declined or doubted."""
     doubtful = _doubtful(own)
+    options: dict[str, Any] = {"color": style.colour, "markersize": 2.5, "markeredgewidth": 0.5, "alpha": 0.5}
     for group, fill in ((own[~doubtful], style.colour), (own[doubtful], "none")):
-        axes.plot(
-            group[condition].astype(float),
-            group[score],
-            style.marker,
-            color=style.colour,
-            markerfacecolor=fill,
-            markersize=2.5,
-            markeredgewidth=0.5,
-            alpha=0.5,
-        )
+        axes.plot(group[condition].astype(float), group[score], style.marker, markerfacecolor=fill, **options)
 
 
 def _doubtful(frame: pd.DataFrame) -> "pd.Series[bool]":
@@ -282,15 +260,14 @@ def _title(name: str, task: AnyTask) -> str:
     return "\n".join(textwrap.wrap(task.scores.get(name, usual.get(name, name)), 34))
 
 
-def _save(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, dpi=DPI)
-    return path
-
-
 def draw_differences(differing: Sequence[Difference], reference: str, task: AnyTask, path: Path) -> None:
     """Draw the differences as bars with quartiles, the largest first (by the first score), up and down on one line."""
     scores = list(dict.fromkeys(one.score for one in differing))[:MOST_DIFFERENCES]
-    lines = _lines(differing, scores[0])
+    sizes = dict.fromkeys((_line(one.method) for one in differing), 0.0)
+    for one in differing:
+        if one.score == scores[0]:
+            sizes[_line(one.method)] = max(sizes[_line(one.method)], abs(one.spread.median))
+    lines = sorted(sizes, key=lambda line: -sizes[line])
     with journal_style():
         figure = Figure(figsize=(PAGE_WIDTH_IN, 0.9 + 0.17 * len(lines)), layout="constrained")
         panels = figure.subplots(1, len(scores), sharey=True, squeeze=False)[0]
@@ -325,11 +302,3 @@ def _direction(method: str) -> str:
 
 def _line(method: str) -> str:
     return method.removesuffix(_direction(method))
-
-
-def _lines(differing: Sequence[Difference], score: str) -> list[str]:
-    size = {_line(one.method): 0.0 for one in differing}
-    for one in differing:
-        if one.score == score:
-            size[_line(one.method)] = max(size[_line(one.method)], abs(one.spread.median))
-    return sorted(size, key=lambda line: -size[line])

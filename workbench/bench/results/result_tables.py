@@ -19,7 +19,6 @@ from endoct.workbench.bench.results.score_summary import (
     Difference,
     Share,
     Spread,
-    Summary,
     columns_of,
     frame_of,
     score_names,
@@ -67,7 +66,12 @@ def footnotes(rows: Sequence[Row], task: AnyTask) -> list[str]:
     if any(summary.doubted for summary in summaries):
         lines.append("doubted: of the cases it answered, those in which it called its own answer doubtful")
     lines += [f"{name}: {what}" for name, what in task.scores.items() if any(name in s.scores for s in summaries)]
-    return lines + [f"{_name(s)}: {reason}" for s in summaries for reason in _first_reasons(s)]
+    for summary in summaries:
+        name = summary.method if summary.word is None else f"{summary.word}, {summary.method}"
+        more = len(summary.reasons) - MOST_REASONS
+        rest = [f"and {more} other reasons, see results.csv"] if more > 0 else []
+        lines += [f"{name}: {reason}" for reason in (*summary.reasons[:MOST_REASONS], *rest)]
+    return lines
 
 
 def difference_table(differing: Sequence[Difference], reference: str) -> Table:
@@ -81,37 +85,19 @@ def difference_table(differing: Sequence[Difference], reference: str) -> Table:
         own = [known.get((method, score)) for score in scores]
         first = own[0]
         counts = f"{first.higher}/{first.lower}/{first.spread.n}" if first else "–"
-        lines.add_row(method, *(_signed(one) for one in own), counts)
+        lines.add_row(method, *("–" if one is None else _spread(one.spread, "+") for one in own), counts)
     return lines
-
-
-def _name(summary: Summary) -> str:
-    return summary.method if summary.word is None else f"{summary.word}, {summary.method}"
-
-
-def _first_reasons(summary: Summary) -> list[str]:
-    more = len(summary.reasons) - MOST_REASONS
-    rest = [f"and {more} other reasons, see results.csv"] if more > 0 else []
-    return [*summary.reasons[:MOST_REASONS], *rest]
 
 
 def _share(share: Share | None) -> str:
     return f"{share.k}/{share.n} ({share.low:.0%}–{share.high:.0%})" if share else "–"
 
 
-def _spread(spread: Spread | None) -> str:
+def _spread(spread: Spread | None, sign: str = "") -> str:
     if spread is None:
         return "–"
-    dash = " to " if spread.low < 0 else "–"
-    return f"{spread.median:.3g} ({spread.low:.3g}{dash}{spread.high:.3g})"
-
-
-def _signed(difference: Difference | None) -> str:
-    return (
-        f"{difference.spread.median:+.3g} ({difference.spread.low:+.3g} to {difference.spread.high:+.3g})"
-        if difference
-        else "–"
-    )
+    dash = " to " if sign or spread.low < 0 else "–"
+    return f"{spread.median:{sign}.3g} ({spread.low:{sign}.3g}{dash}{spread.high:{sign}.3g})"
 
 
 def write_csv(rows: Sequence[Row], task: AnyTask, path: Path) -> None:

@@ -5,8 +5,8 @@ continued by half a turn at either end. Those that cannot search orientations ar
 result that correlates best is kept. Those that need the polarity are tried with both.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +26,9 @@ BLUR_PX = 1.0
 MOST_FEATURES = 10_000
 """The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""
 Matrix = Coordinates
+FEWEST_MATCHES, REPROJECTION_PX = 4, 3.0
+NO_MATCHES = np.empty((0, 2)), np.empty((0, 2))
+BINS = 32
 
 
 @dataclass(frozen=True)
@@ -71,96 +74,82 @@ class Flat:
         return float(abs(both) / np.sqrt(of_a * of_b)) if of_a > 0 and of_b > 0 else 0.0
 
 
-Method = Callable[[Flat], Iterator[Matrix]]
+Method = Callable[[Flat], Iterable[Matrix]]
+
+Matched = tuple[Coordinates, Coordinates]
+"""Points of B and the points of A that they match, (n, 2) each, (x, y) in pixels."""
 
 
 def phase_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """scikit-image's phase correlation of A with B, padded, at scale 1."""
+    return best_of(a, b, lambda flat: [_phase_shift(flat, 20)])
 
-    def shifts(flat: Flat) -> Iterator[Matrix]:
-        b_there = np.zeros_like(flat.a)
-        rows = min(flat.a.shape[0], flat.b.shape[0])
-        b_there[:rows, : flat.b.shape[1]] = flat.b[:rows]
-        (down, across), _, _ = phase_cross_correlation(flat.a, b_there, upsample_factor=20)
-        yield np.array([[1, 0, across], [0, 1, down]])
 
-    return best_of(a, b, shifts)
+def _phase_shift(flat: Flat, upsample_factor: int = 1) -> Matrix:
+    b_there = np.zeros_like(flat.a)
+    rows = min(flat.a.shape[0], flat.b.shape[0])
+    b_there[:rows, : flat.b.shape[1]] = flat.b[:rows]
+    (down, across), _, _ = phase_cross_correlation(flat.a, b_there, upsample_factor=upsample_factor)
+    return np.array([[1, 0, across], [0, 1, down]])
 
 
 def ecc(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """OpenCV's ECC (affine), started from scikit-image's phase correlation, with either polarity."""
+    criteria = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-5
 
     def refined(flat: Flat) -> Iterator[Matrix]:
-        b_there = np.zeros_like(flat.a)
-        rows = min(flat.a.shape[0], flat.b.shape[0])
-        b_there[:rows, : flat.b.shape[1]] = flat.b[:rows]
-        (down, across), _, _ = phase_cross_correlation(flat.a, b_there)
-        criteria = cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-5
+        first, mask = _phase_shift(flat).astype(np.float32), np.full(flat.a.shape, 255, np.uint8)
         for sign in (1, -1):
-            start = np.array([[1, 0, across], [0, 1, down]], np.float32)
-            try:
-                _, matrix = cv2.findTransformECC(
-                    np.float32(sign) * flat.b,
-                    flat.a,
-                    start,
-                    cv2.MOTION_AFFINE,
-                    criteria,
-                    np.full(flat.a.shape, 255, np.uint8),
-                    5,
-                )
-            except cv2.error:
-                continue
-            yield np.asarray(matrix, np.float64)
+            with suppress(cv2.error):
+                image, start = np.float32(sign) * flat.b, first.copy()
+                _, matrix = cv2.findTransformECC(image, flat.a, start, cv2.MOTION_AFFINE, criteria, mask, 5)
+                yield np.asarray(matrix, np.float64)
 
     return best_of(a, b, refined)
 
 
 def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """SIFT features, matched by Lowe's ratio, and OpenCV's RANSAC of a partial affine; with either polarity."""
+    sift = cv2.SIFT.create(MOST_FEATURES)
 
-    def matched(flat: Flat) -> Iterator[Matrix]:
-        sift = cv2.SIFT.create(MOST_FEATURES)
-        points_a, described_a = sift.detectAndCompute(eight_bits(flat.a), None)
-        for sign in (1, -1):
-            points_b, described_b = sift.detectAndCompute(eight_bits(np.float32(sign) * flat.b), None)
+    def described(image: Image) -> tuple[Sequence[cv2.KeyPoint], Any]:
+        return sift.detectAndCompute((255 * image).astype(np.uint8), None)
+
+    def matcher(of_a: Image) -> Callable[[Image], Matched]:
+        points_a, described_a = described(of_a)
+
+        def match(of_b: Image) -> Matched:
+            points_b, described_b = described(of_b)
             if described_a is None or described_b is None or len(points_a) < 2:
-                continue
+                return NO_MATCHES
             pairs = cv2.BFMatcher().knnMatch(described_b, described_a, k=2)
             good = [pair[0] for pair in pairs if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
-            if len(good) < 4:
+            from_b, to_a = [points_b[one.queryIdx].pt for one in good], [points_a[one.trainIdx].pt for one in good]
+            return np.array(from_b), np.array(to_a)
+
+        return match
+
+    return best_of(a, b, by_matches(matcher))
+
+
+def by_matches(matcher: Callable[[Image], Callable[[Image], Matched]]) -> Method:
+    """Return the method that yields, for either polarity, the similarity that most matches agree on.
+
+    ``matcher`` gets A in [0, 1], and returns what matches B with it.
+    """
+
+    def matrices(flat: Flat) -> Iterator[Matrix]:
+        match = matcher(unit(flat.a))
+        for sign in (1, -1):
+            from_b, to_a = match(unit(np.float32(sign) * flat.b))
+            if len(from_b) < FEWEST_MATCHES:
                 continue
-            from_b = np.array([points_b[match.queryIdx].pt for match in good])
-            to_a = np.array([points_a[match.trainIdx].pt for match in good])
             cv2.setRNGSeed(0)
-            matrix, _ = cv2.estimateAffinePartial2D(from_b, to_a, ransacReprojThreshold=3.0)
+            matrix, _ = cv2.estimateAffinePartial2D(from_b, to_a, ransacReprojThreshold=REPROJECTION_PX)
             if matrix is not None:
                 yield np.asarray(matrix, np.float64)
 
-    return best_of(a, b, matched)
-
-
-def kornia_similarity(a: Panorama, b: Panorama) -> Alignment | NotAligned:
-    """kornia's pyramidal registration of a similarity, with either polarity, on every fourth sample."""
-    import torch
-    from kornia.geometry.transform import ImageRegistrator
-
-    def registered(flat: Flat) -> Iterator[Matrix]:
-        rows, columns = max(flat.a.shape[0], flat.b.shape[0]), flat.a.shape[1]
-        half = flat.b.shape[1] // 2  # it starts with B in the middle, not half a turn away
-        to_middle = np.array([[1, 0, half], [0, 1, 0], [0, 0, 1]])
-        for sign in (1, -1):
-            there, here = np.zeros((2, rows, columns), np.float32)
-            there[: flat.a.shape[0]] = unit(flat.a)
-            here[: flat.b.shape[0], half : half + flat.b.shape[1]] = unit(np.float32(sign) * flat.b)
-            torch.manual_seed(0)
-            registrator = ImageRegistrator("similarity", num_iterations=100)
-            model: Any = registrator.register(torch.from_numpy(here)[None, None], torch.from_numpy(there)[None, None])
-            matrix = model.detach().numpy().reshape(3, 3).astype(np.float64)
-            to_unit = np.array([[2 / (columns - 1), 0, -1], [0, 2 / (rows - 1), -1], [0, 0, 1]])
-            for candidate in (matrix, np.linalg.inv(matrix)):  # which of the two it means has changed between versions
-                yield (np.linalg.inv(to_unit) @ candidate @ to_unit @ to_middle)[:2]
-
-    return best_of(a, b, registered, SLOW_PX)
+    return matrices
 
 
 def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -171,27 +160,46 @@ def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:
         fixed, moving = sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a)
         middle = sitk.CenteredTransformInitializerFilter.GEOMETRY
         first = sitk.CenteredTransformInitializer(fixed, moving, sitk.AffineTransform(2), middle)
-        method = sitk.ImageRegistrationMethod()
-        method.SetMetricAsMattesMutualInformation(32)
-        method.SetMetricSamplingStrategy(method.RANDOM)
-        method.SetMetricSamplingPercentage(0.2, 1)
-        method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200)
-        method.SetOptimizerScalesFromPhysicalShift()
-        method.SetShrinkFactorsPerLevel([4, 2, 1])
-        method.SetSmoothingSigmasPerLevel([2, 1, 0])
-        method.SetInterpolator(sitk.sitkLinear)
-        method.SetInitialTransform(first)
-        try:
-            transform = method.Execute(fixed, moving)
-        except RuntimeError:
-            return
-        origin, right, down = (
-            np.array(transform.TransformPoint(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
-        )
-        yield np.stack([right - origin, down - origin, origin], axis=1)
+        matrix = descended(flat, first, "RANDOM", 0.2)
+        if matrix is not None:
+            yield matrix
 
     with one_itk_thread():
         return best_of(a, b, registered, SLOW_PX)
+
+
+def by_information() -> Any:
+    """Return SimpleITK's registration by Mattes' mutual information."""
+    import SimpleITK as sitk
+
+    method = sitk.ImageRegistrationMethod()
+    method.SetMetricAsMattesMutualInformation(BINS)
+    method.SetInterpolator(sitk.sitkLinear)
+    return method
+
+
+def descended(flat: Flat, first: Any, sampling: str, share: float) -> Matrix | None:
+    """Return what SimpleITK's gradient descent makes of an affine transform, of a ``share`` of the samples.
+
+    ``sampling``: "RANDOM" or "REGULAR". None where it gives up.
+    """
+    import SimpleITK as sitk
+
+    method = by_information()
+    method.SetMetricSamplingStrategy(getattr(method, sampling))
+    method.SetMetricSamplingPercentage(share, 1)  # the seed
+    method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200)
+    method.SetOptimizerScalesFromPhysicalShift()
+    method.SetShrinkFactorsPerLevel([4, 2, 1])
+    method.SetSmoothingSigmasPerLevel([2, 1, 0])
+    method.SetInitialTransform(first)
+    try:
+        transform = method.Execute(sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a))
+    except RuntimeError:
+        return None
+    corners = (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)
+    origin, right, down = (np.array(transform.TransformPoint(corner)) for corner in corners)
+    return np.stack([right - origin, down - origin, origin], axis=1)
 
 
 @contextmanager
@@ -219,7 +227,7 @@ def best_of(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment 
         candidates += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
     if not candidates:
         return NotAligned("It found nothing.")
-    return max(candidates, key=lambda one: one[0])[1]
+    return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def flat_of(a: Evidence, b: Evidence, orientation: Orientation, px: int) -> Flat:
@@ -241,8 +249,3 @@ def unit(image: Image) -> Image:
     """Return an image brought to [0, 1], the hundredth part at either end clipped, float32."""
     low, high = np.percentile(image, [1, 99])
     return np.asarray(np.clip((image - low) / max(high - low, 1e-6), 0, 1), dtype=np.float32)
-
-
-def eight_bits(image: Image) -> Image:
-    """Return the same in 8 bits, uint8."""
-    return np.asarray(255 * unit(image)).astype(np.uint8)

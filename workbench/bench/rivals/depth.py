@@ -87,12 +87,13 @@ def optical_flow(views: Views) -> Image:
         rows = np.flatnonzero(both.any(axis=1))
         if rows.size < FEWEST_ROWS:
             continue
-        pair = [_as_picture(texture[rows]) for texture in textures[k : k + 2]]
+        # 8 bits, grey where it is not known
+        grey = [np.clip(128 + 160 * np.nan_to_num(texture[rows]), 0, 255) for texture in textures[k : k + 2]]
         # θ is a circle; and DIS wants some height
         edge = max(0, LEAST_HEIGHT - rows.size)
         wide = [
-            np.pad(np.tile(picture, 3), ((0, edge), (0, 0)), "reflect" if edge < rows.size else "edge")
-            for picture in pair
+            np.pad(np.tile(picture.astype(np.uint8), 3), ((0, edge), (0, 0)), "reflect" if edge < rows.size else "edge")
+            for picture in grey
         ]
         along = flow.calc(wide[0], wide[1], None)[: rows.size, grid.n_theta : 2 * grid.n_theta, 1] * grid.dz_mm
         slants = [
@@ -149,8 +150,3 @@ def _at_rows(texture: Image, rows: Coordinates) -> tuple[Image, Image]:
 def _windowed(image: Image, views: Views) -> Image:
     grid = views.panorama.grid
     return gaussian(image, WINDOW_MM / 2 / grid.dz_mm, WINDOW_MM / 2 / grid.dtheta_mm)
-
-
-def _as_picture(texture: Image) -> Image:
-    """Return a texture as 8-bit picture for OpenCV, grey where it is not known."""
-    return np.asarray(np.clip(128 + 160 * np.nan_to_num(texture), 0, 255), np.uint8)

@@ -6,11 +6,11 @@ RANSAC fits a similarity to the matches.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image
@@ -18,18 +18,13 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.rivals.alignment import Flat, best_of, unit
+from endoct.workbench.bench.rivals.alignment import FEWEST_MATCHES, NO_MATCHES, Matched, best_of, by_matches
 from endoct.workbench.bench.task import NotInstalled
 
 DISK_WEIGHTS, LOFTR_WEIGHTS = "ENDOCT_DISK_WEIGHTS", "ENDOCT_LOFTR_WEIGHTS"
 DISK_PX, LOFTR_PX = 2, 4
 """Pixels in samples of A: neither was trained on images as large as the panoramas."""
 FEATURES, RATIO = 4096, 0.95
-FEWEST_MATCHES = 4
-REPROJECTION_PX = 3.0
-
-Matched = tuple[Coordinates, Coordinates]
-"""Points of B and the points of A that they match, (n, 2) each, (x, y) in pixels."""
 
 
 def disk(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -42,17 +37,23 @@ def disk(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
     def described(image: Image) -> Any:
         given = torch.from_numpy(image)[None, None].repeat(1, 3, 1, 1)
-        return model(given, FEATURES, pad_if_not_divisible=True)[0]
-
-    def match(here: Image, there: Image) -> Matched:
         with torch.inference_mode():
-            of_b, of_a = described(here), described(there)
-            if min(len(of_a.keypoints), len(of_b.keypoints)) < FEWEST_MATCHES:
-                return np.empty((0, 2)), np.empty((0, 2))
-            _, pairs = match_smnn(of_b.descriptors, of_a.descriptors, RATIO)
-        return _points(of_b.keypoints[pairs[:, 0]]), _points(of_a.keypoints[pairs[:, 1]])
+            return model(given, FEATURES, pad_if_not_divisible=True)[0]
 
-    return best_of(a, b, _by_matches(match), DISK_PX)
+    def matcher(image_a: Image) -> Callable[[Image], Matched]:
+        of_a = described(image_a)
+
+        def match(image_b: Image) -> Matched:
+            of_b = described(image_b)
+            if min(len(of_a.keypoints), len(of_b.keypoints)) < FEWEST_MATCHES:
+                return NO_MATCHES
+            with torch.inference_mode():
+                _, pairs = match_smnn(of_b.descriptors, of_a.descriptors, RATIO)
+            return _points(of_b.keypoints[pairs[:, 0]]), _points(of_a.keypoints[pairs[:, 1]])
+
+        return match
+
+    return best_of(a, b, by_matches(matcher), DISK_PX)
 
 
 def loftr(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -63,13 +64,16 @@ def loftr(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 
     model = _loaded(LoFTR(pretrained=None), weights, LOFTR_WEIGHTS)
 
-    def match(here: Image, there: Image) -> Matched:
-        given = {f"image{k}": torch.from_numpy(_whole(image))[None, None] for k, image in enumerate((here, there))}
+    def whole(image: Image) -> Any:  # multiples of eight, as LoFTR wants it
+        rows, columns = (size // 8 * 8 for size in image.shape)
+        return torch.from_numpy(np.ascontiguousarray(image[:rows, :columns]))[None, None]
+
+    def match(image_b: Image, image_a: Image) -> Matched:
         with torch.inference_mode():
-            matches = model(given)
+            matches = model({"image0": whole(image_b), "image1": whole(image_a)})
         return _points(matches["keypoints0"]), _points(matches["keypoints1"])
 
-    return best_of(a, b, _by_matches(match), LOFTR_PX)
+    return best_of(a, b, by_matches(lambda image_a: partial(match, image_a=image_a)), LOFTR_PX)
 
 
 def _weights(variable: str, of: str, part: str) -> Any:
@@ -108,28 +112,5 @@ def _loaded(model: Any, weights: Any, variable: str) -> Any:
     return model.eval()
 
 
-def _by_matches(match: Callable[[Image, Image], Matched]) -> Callable[[Flat], Iterator[Coordinates]]:
-    """Return the method that yields, for either polarity, the similarity that most matches agree on."""
-
-    def matrices(flat: Flat) -> Iterator[Coordinates]:
-        there = unit(flat.a)
-        for sign in (1, -1):
-            from_b, to_a = match(unit(np.float32(sign) * flat.b), there)
-            if len(from_b) < FEWEST_MATCHES:
-                continue
-            cv2.setRNGSeed(0)
-            matrix, _ = cv2.estimateAffinePartial2D(from_b, to_a, ransacReprojThreshold=REPROJECTION_PX)
-            if matrix is not None:
-                yield np.asarray(matrix, np.float64)
-
-    return matrices
-
-
 def _points(keypoints: Any) -> Coordinates:
     return np.asarray(keypoints.numpy(), np.float64)
-
-
-def _whole(image: Image) -> Image:
-    """Return an image cut to multiples of eight, as LoFTR wants it."""
-    rows, columns = (size // 8 * 8 for size in image.shape)
-    return np.ascontiguousarray(image[:rows, :columns])

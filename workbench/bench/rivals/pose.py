@@ -41,34 +41,17 @@ Library = Callable[[AirAround], Callable[[Observation, Panorama], Matching]]
 """The air in a CT to how a side is matched with it."""
 
 
-def small_gicp(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register points of the wall with small_gicp's point-to-plane ICP."""
-    return _located(sides, ct, plan, small_gicp_matching, ours=False)
+def _method(library: Library, *, ours: bool = False) -> Callable[[tuple[Panorama, ...], CtVolume, Trajectory], Located]:
+    """Return the method that matches a side with ``library``, from the best candidate of ``ours`` or its own starts."""
 
+    def method(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
+        air, number = air_around(ct, plan), judged_side(sides)
+        side = observed(sides[number])
+        best = _best(side, air, library(air)(side, sides[number]), ours=ours)
+        place = located(side, best.sense, sides[number], best.transform, plan, best.scale)
+        return Located(tuple(place if at == number else None for at in range(len(sides))))
 
-def small_gicp_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register as :func:`small_gicp` does, from the best candidate of endoct's own search."""
-    return _located(sides, ct, plan, small_gicp_matching, ours=True)
-
-
-def open3d(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register points of the wall with Open3D's point-to-plane ICP with Tukey's kernel."""
-    return _located(sides, ct, plan, open3d_matching, ours=False)
-
-
-def open3d_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register as :func:`open3d` does, from the best candidate of endoct's own search."""
-    return _located(sides, ct, plan, open3d_matching, ours=True)
-
-
-def simpleitk(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register the air on and behind the wall with SimpleITK: a masked volume, by mutual information."""
-    return _located(sides, ct, plan, simpleitk_matching, ours=False)
-
-
-def simpleitk_from_our_search(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
-    """Register as :func:`simpleitk` does, from the best candidate of endoct's own search."""
-    return _located(sides, ct, plan, simpleitk_matching, ours=True)
+    return method
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +64,6 @@ class _Result:
     scale: float
 
 
-def _located(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory, library: Library, *, ours: bool) -> Located:
-    air, number = air_around(ct, plan), judged_side(sides)
-    side = observed(sides[number])
-    best = _best(side, air, library(air)(side, sides[number]), ours=ours)
-    place = located(side, best.sense, sides[number], best.transform, plan, best.scale)
-    return Located(tuple(place if at == number else None for at in range(len(sides))))
-
-
 def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) -> _Result:
     def refined(sense: Sense, transform: Coordinates, scale: float) -> _Result:
         score, better = matching.refine(sense, transform, scale)
@@ -96,7 +71,7 @@ def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) 
 
     starts = _starts(side, air, matching, ours=ours)
     results = [refined(sense, transform_of(one, air.length_mm), 1.0) for sense, some in starts for one in some]
-    best = max(results, key=lambda one: one.score)
+    best = max(results, key=lambda result: result.score)
     best = max([best, *(refined(best.sense, best.transform, scale) for scale in SCALES)], key=lambda one: one.score)
     if not np.isfinite(best.score):
         raise Declined("no start came to a result")
@@ -112,3 +87,10 @@ def _starts(
         sense, _, start = max(((sense, *our_start(side, air, sense)) for sense in senses), key=lambda one: one[1])
         return [(sense, start)]
     return [(sense, ranked_starts(side, air, *matching.samples(sense), STARTS)) for sense in senses]
+
+
+# points of the wall, by small_gicp's point-to-plane ICP, and by Open3D's with Tukey's kernel
+small_gicp, small_gicp_from_our_search = _method(small_gicp_matching), _method(small_gicp_matching, ours=True)
+open3d, open3d_from_our_search = _method(open3d_matching), _method(open3d_matching, ours=True)
+# the air on and behind the wall, by SimpleITK: a masked volume, by mutual information
+simpleitk, simpleitk_from_our_search = _method(simpleitk_matching), _method(simpleitk_matching, ours=True)

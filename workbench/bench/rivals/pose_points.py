@@ -51,7 +51,7 @@ def points_of(side: Observation, sense: Sense, panorama: Panorama) -> Points:
     parts = [_outlines(side, sense, side.layers[0])]
     if panorama.depth_mm is not None:
         parts.append(_floors(side, sense, panorama))
-    return Points(np.concatenate([one.places for one in parts]), np.concatenate([one.normals for one in parts]))
+    return Points(np.concatenate([part.places for part in parts]), np.concatenate([part.normals for part in parts]))
 
 
 def surface_of(air: AirAround) -> Points:
@@ -212,7 +212,7 @@ def _outlines(side: Observation, sense: Sense, layer: Layer) -> Points:
     angle = sense.turning * 2 * np.pi / n * column
     normals = np.column_stack([-np.sin(angle) * arc_slope, np.cos(angle) * arc_slope, z_slope])
     steep = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    return Points(_places(side, sense, row, column, np.full(row.size, layer.behind_mm)), normals / steep)
+    return Points(_places(side, sense, side.z_mm[0] + ROWS_MM * row, angle, radius), normals / steep)
 
 
 def _floors(side: Observation, sense: Sense, panorama: Panorama) -> Points:
@@ -220,17 +220,12 @@ def _floors(side: Observation, sense: Sense, panorama: Panorama) -> Points:
     every = max(1, round(FLOOR_STEP_MM / relief.column_mm))
     row, column = np.nonzero(relief.valid & (relief.values > FLOORS_MM[0]) & (relief.values < FLOORS_MM[1]))
     row, column = row[column % every == 0], column[column % every == 0]
-    z_mm = panorama.z_mm[row]
     angle = sense.turning * panorama.grid.theta_rad[column]
     outward = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(angle.size)])
-    radius = side.radius_mm + relief.values[row, column]
-    along = sense.inward * (z_mm - side.middle_mm)
-    return Points(outward * radius[:, np.newaxis] + along[:, np.newaxis] * np.array([0.0, 0.0, 1.0]), outward)
+    return Points(_places(side, sense, panorama.z_mm[row], angle, side.radius_mm + relief.values[row, column]), outward)
 
 
-def _places(side: Observation, sense: Sense, row: Coordinates, column: Coordinates, behind: Coordinates) -> Coordinates:
-    angle = sense.turning * 2 * np.pi / side.layers[0].air.shape[1] * column
-    radius = side.radius_mm + behind
-    z_mm = side.z_mm[0] + ROWS_MM * row
-    along = sense.inward * (z_mm - side.middle_mm)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), along])
+def _places(
+    side: Observation, sense: Sense, z_mm: Coordinates, angle: Coordinates, radius: Coordinates | float
+) -> Coordinates:
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), sense.inward * (z_mm - side.middle_mm)])

@@ -135,16 +135,15 @@ def _scores(
 
 
 def _apart(starts: Iterator[Coordinates], most: int) -> Coordinates:
+    def differ(first: Coordinates, other: Coordinates) -> bool:
+        apart_mm = np.abs(first - other)[[0, 1, 4]].max()
+        turn = abs((first[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
+        return bool(apart_mm > APART_MM or turn > APART_RAD)
+
     chosen: list[Coordinates] = []
-    for one in starts:
-        if all(_differ(one, other) for other in chosen):
-            chosen.append(one)
+    for start in starts:
+        if all(differ(start, other) for other in chosen):
+            chosen.append(start)
         if len(chosen) == most:
             break
     return np.array(chosen)
-
-
-def _differ(first: Coordinates, other: Coordinates) -> bool:
-    apart_mm = np.abs(first - other)[[0, 1, 4]].max()
-    turn = abs((first[5] - other[5] + np.pi) % (2 * np.pi) - np.pi)
-    return bool(apart_mm > APART_MM or turn > APART_RAD)

@@ -46,7 +46,9 @@ def simpleitk_matching(air: AirAround) -> Callable[[Observation, Panorama], Matc
 
         def refine(sense: Sense, transform: Coordinates, scale: float) -> tuple[float, Coordinates]:
             places, shares, known = volume_of(side, sense)
-            fixed, mask = (_image(sitk, of, places[0, 0, 0], scale) for of in (shares, _near_edges(shares, known)))
+            edges = known & (shares > EDGES[0]) & (shares < EDGES[1])
+            near_edges = (known & ndimage.binary_dilation(edges)).astype(np.uint8)
+            fixed, mask = (_image(sitk, values, places[0, 0, 0], scale) for values in (shares, near_edges))
             score = -np.inf
             for level in levels:
                 score, transform = _registered(sitk, fixed, mask, level, transform)
@@ -106,11 +108,6 @@ def _registered(sitk: Any, fixed: Any, mask: Any, ct: Any, transform: Coordinate
     found[:3, :3] = np.array(rigid.GetMatrix()).reshape(3, 3)
     found[:3, 3] = rigid.GetTranslation()
     return -float(method.GetMetricValue()), found
-
-
-def _near_edges(shares: Image, known: Mask) -> NDArray[np.uint8]:
-    edges = known & (shares > EDGES[0]) & (shares < EDGES[1])
-    return np.asarray(known & ndimage.binary_dilation(edges), dtype=np.uint8)
 
 
 def _correlations(air: AirAround, wall: Image, places: Coordinates) -> Image:

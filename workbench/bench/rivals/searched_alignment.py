@@ -17,7 +17,7 @@ from endoct.base.arrays import Coordinates
 from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.rivals.alignment import Flat, flat_of, one_itk_thread
+from endoct.workbench.bench.rivals.alignment import Flat, by_information, descended, flat_of, one_itk_thread
 from endoct.workbench.bench.task import NotInstalled
 from endoct.workbench.bench.tasks.alignment import orientations_between
 
@@ -26,7 +26,6 @@ SEARCHED_PX, SEARCHED_STEPS = 16, 2
 LEAST_SHARED = 0.4
 """In the search, A and B share at least this part of B's rows."""
 REFINED_PX = (4, 2)
-BINS = 32
 ELASTIX_LEVELS, ELASTIX_STEPS = 4, 500
 
 Refine = Callable[[Flat, Coordinates], Coordinates]
@@ -78,7 +77,7 @@ def _best_place(flat: Flat) -> tuple[float, float, float]:
     import SimpleITK as sitk
 
     rows, columns = flat.b.shape
-    method = _method(sitk)
+    method = by_information()
     method.SetMetricSamplingStrategy(method.NONE)
     reach = round((1 - LEAST_SHARED) * max(rows, flat.a.shape[0]) / SEARCHED_STEPS)
     method.SetOptimizerAsExhaustive([columns // (2 * SEARCHED_STEPS), reach], float(SEARCHED_STEPS))
@@ -97,38 +96,14 @@ def _best_place(flat: Flat) -> tuple[float, float, float]:
     return max(tried)
 
 
-def _method(sitk: Any) -> Any:
-    method = sitk.ImageRegistrationMethod()
-    method.SetMetricAsMattesMutualInformation(BINS)
-    method.SetInterpolator(sitk.sitkLinear)
-    return method
-
-
 def _by_simpleitk(flat: Flat, start: Coordinates) -> Coordinates:
     import SimpleITK as sitk
 
     transform = sitk.AffineTransform(2)
     transform.SetMatrix(start[:, :2].ravel().tolist())
     transform.SetTranslation(start[:, 2].tolist())
-    method = _method(sitk)
-    method.SetMetricSamplingStrategy(method.REGULAR)
-    method.SetMetricSamplingPercentage(0.25, 1)  # the seed
-    method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200)
-    method.SetOptimizerScalesFromPhysicalShift()
-    method.SetShrinkFactorsPerLevel([4, 2, 1])
-    method.SetSmoothingSigmasPerLevel([2, 1, 0])
-    method.SetInitialTransform(transform)
-    try:
-        found = method.Execute(sitk.GetImageFromArray(flat.b), sitk.GetImageFromArray(flat.a))
-    except RuntimeError:
-        return start
-    return _matrix_of(found.TransformPoint)
-
-
-def _matrix_of(transform: Callable[[tuple[float, float]], Any]) -> Coordinates:
-    """Return the matrix (2, 3) of an affine map of points."""
-    origin, right, down = (np.array(transform(point)) for point in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
-    return np.stack([right - origin, down - origin, origin], axis=1)
+    better = descended(flat, transform, "REGULAR", 0.25)
+    return start if better is None else better
 
 
 def _by_elastix(itk: Any, flat: Flat, start: Coordinates) -> Coordinates:

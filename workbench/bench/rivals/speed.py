@@ -2,6 +2,8 @@
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +63,10 @@ def _scaled(chain: Chain, work: Work) -> Measured[Any]:
     (folder,) = work.given
     few = min(work.repeats, work.amount)
     measured = measure_calls(unroll_by, chain, folder, few, repeats=1)
-    scale = work.amount / few
-    return Measured(
-        measured.answer,
-        tuple(scale * s for s in measured.seconds),
-        tuple(scale * s for s in measured.cpu_seconds),
-        measured.peak_mb,
+    seconds, cpu_seconds = (
+        tuple(work.amount / few * s for s in each) for each in (measured.seconds, measured.cpu_seconds)
     )
+    return replace(measured, seconds=seconds, cpu_seconds=cpu_seconds)
 
 
 def opencv(work: Work) -> Measured[Any]:
@@ -90,11 +89,7 @@ def read_slices(folder: Path) -> int:
     return sum(stream[index].samples.size for index in range(len(stream)))
 
 
-def _polar_strips(
-    frames: Sequence[Frame],
-    calibration: EndoscopeCalibration,
-    warp: Warp,
-) -> list[tuple[Image, Mask]]:
+def _polar_strips(frames: Sequence[Frame], calibration: EndoscopeCalibration, warp: Warp) -> list[tuple[Image, Mask]]:
     strips = []
     for frame in frames:
         view = view_of(calibration, frame.index)
@@ -115,14 +110,6 @@ def _by_opencv(image: Image, centre_px: tuple[float, float], radius: float, shap
     return np.asarray(cv2.warpPolar(image, shape[::-1], centre_px, radius, cv2.INTER_LINEAR), np.float32)
 
 
-def _strips_by_skimage(frames: Sequence[Frame], calibration: EndoscopeCalibration) -> list[tuple[Image, Mask]]:
-    return _polar_strips(frames, calibration, _by_skimage)
-
-
-def _strips_by_opencv(frames: Sequence[Frame], calibration: EndoscopeCalibration) -> list[tuple[Image, Mask]]:
-    return _polar_strips(frames, calibration, _by_opencv)
-
-
 def li_by_skimage(values: Image) -> float:
     """scikit-image's, given up where it alternates between two thresholds for ever (0.26; its issue 7790)."""
     rounds = itertools.count(1)
@@ -139,12 +126,12 @@ def _levels(spectra: Counts, places: Coordinates) -> Image:
 
 
 _TEXTBOOK: dict[str, Callable[..., Any]] = {
-    "strips": _strips_by_skimage,
+    "strips": partial(_polar_strips, warp=_by_skimage),
     "threshold": li_by_skimage,
     "alignment": phase_correlation,
     "spectra": _levels,
 }
-_OPENCV: dict[str, Callable[..., Any]] = {"strips": _strips_by_opencv, "alignment": ecc}
+_OPENCV: dict[str, Callable[..., Any]] = {"strips": partial(_polar_strips, warp=_by_opencv), "alignment": ecc}
 
 
 def by_the_paper(bscan: Any) -> tuple[Image, Image]:
@@ -175,7 +162,7 @@ def unroll_by(chain: Chain, folder: Path, few: int) -> Panorama:
     frames = [stream[index] for index in range(few)]
     rows = [chain(frame.samples) for frame in frames]
     depth_mm = np.stack([depth_px for depth_px, _ in rows]) * acquisition.mm_per_px
-    z_mm = np.array([frame.z_mm for frame in frames])
+    z_mm, valid = np.array([frame.z_mm for frame in frames]), np.ones(depth_mm.shape, np.bool_)
     order = np.argsort(z_mm)
     grid = SurfaceGrid.full_circle(
         few,
@@ -184,16 +171,15 @@ def unroll_by(chain: Chain, folder: Path, few: int) -> Panorama:
         dz_mm=acquisition.pullback_pitch_mm,
         radius_mm=acquisition.bore_radius_mm,
     )
-    valid: Mask = np.ones(depth_mm.shape, np.bool_)
     return Panorama(
-        grid,
-        np.stack([brightest for _, brightest in rows])[order],
-        depth_mm[order],
-        valid,
-        valid.astype(np.float32),
-        "oct",
-        False,
-        False,
+        grid=grid,
+        intensity=np.stack([brightest for _, brightest in rows])[order],
+        depth_mm=depth_mm[order],
+        valid=valid,
+        weight=valid.astype(np.float32),
+        modality="oct",
+        handedness_known=False,
+        travel_known=False,
         frame_dim="slice",
         per_frame=per_frame({"slice_index": np.arange(few)[order], "slice_z_mm": z_mm[order]}, {}),
         provenance={"acquisition": acquisition.model_dump(mode="json", exclude_none=True)},

@@ -7,8 +7,9 @@ do not know". ``…_prepared`` get strips without what is the same in every stri
 import contextlib
 import io
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from endoct.workbench.bench.rivals.stitching import (
     Shift,
     grey,
     images_of_strips,
+    of_images,
     poses_of,
     prepared,
     row_mm,
@@ -38,24 +40,21 @@ LEAST_AREA = 0.3
 M2_LEAST_CORRELATION, M2_UNCERTAIN_PERCENT, M2_FARTHEST_PERCENT = 0.1, 45.0, 60.0
 LEAST_QUALITY = 0.55
 """Pairs are trusted above this rank correlation, by which multiview-stitcher judges its own."""
-Method = Callable[[Sequence[Strip], float], StripPoses]
 
 
 def opencv_scans_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
     """OpenCV: its stitcher for scans, on prepared strips, enlarged, continued around, pair after pair."""
-    images = [_enlarged(pad_circle(image, AROUND)) for image in grey(prepared(strips))]
+    around = [pad_circle(image, AROUND) for image in grey(prepared(strips))]
+    images = [cv2.resize(image, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC) for image in around]
     shifts = []
     for pair in pairwise(images):
         places = _scanned(pair)
-        shifts.append(_shift(places[1] - places[0]) if len(places) == 2 else UNKNOWN)
+        x, y = places[1] - places[0] if len(places) == 2 else (np.nan, np.nan)
+        shifts.append((float(y), float(x), True) if np.isfinite([x, y]).all() else UNKNOWN)
     return poses_of(shifts, strips, nominal_pitch_mm)
 
 
-def _enlarged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    return np.asarray(cv2.resize(image, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC), np.uint8)
-
-
-def _scanned(images: Sequence[NDArray[np.uint8]]) -> dict[int, Coordinates]:
+def _scanned(images: Sequence[NDArray[Any]]) -> dict[int, Coordinates]:
     """Return (x, y) of the middle of every image that OpenCV's stitcher can place, px before they were enlarged."""
     cv2.setRNGSeed(0)
     stitcher = cv2.Stitcher.create(cv2.Stitcher_SCANS)
@@ -73,10 +72,6 @@ def _scanned(images: Sequence[NDArray[np.uint8]]) -> dict[int, Coordinates]:
         if np.isfinite(to_image).all() and LEAST_AREA < abs(np.linalg.det(to_image)) < 1 / LEAST_AREA:
             places[int(k)] = (np.linalg.inv(to_image) @ middle)[:2] / ENLARGED
     return places
-
-
-def _shift(xy: Coordinates) -> Shift:
-    return (float(xy[1]), float(xy[0]), True) if np.isfinite(xy).all() else UNKNOWN
 
 
 def m2stitch_prepared(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
@@ -167,9 +162,5 @@ def _quiet() -> Iterator[None]:
         yield
 
 
-def _with_multiview(images_of: Callable[[Sequence[Strip]], Image]) -> Method:
-    return lambda strips, nominal_pitch_mm: _multiview_stitcher(images_of(strips), strips, nominal_pitch_mm)
-
-
-multiview_stitcher = _with_multiview(images_of_strips)
-multiview_stitcher_prepared = _with_multiview(prepared)
+multiview_stitcher = of_images(images_of_strips, _multiview_stitcher)
+multiview_stitcher_prepared = of_images(prepared, _multiview_stitcher)

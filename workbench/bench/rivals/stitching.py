@@ -7,6 +7,7 @@ library says how sure it is, a low value means "I do not know".
 
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 
 import cv2
@@ -56,13 +57,13 @@ def _ashlar(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> 
     return poses_of([(rows, columns, error < largest) for rows, columns, error in registered], strips, nominal_pitch_mm)
 
 
-def _skimage(a: Image, b: Image, rows: float) -> Shift:  # noqa: ARG001
-    shift = phase_cross_correlation(a, b, upsample_factor=UPSAMPLED)[0]
-    return float(shift[0]), float(shift[1]), True
-
-
-def _skimage_plain(a: Image, b: Image, rows: float) -> Shift:  # noqa: ARG001
-    shift = phase_cross_correlation(a, b, upsample_factor=UPSAMPLED, normalization=None)[0]
+def _skimage(
+    a: Image,
+    b: Image,
+    rows: float,  # noqa: ARG001
+    normalization: str | None = "phase",
+) -> Shift:
+    shift = phase_cross_correlation(a, b, upsample_factor=UPSAMPLED, normalization=normalization)[0]
     return float(shift[0]), float(shift[1]), True
 
 
@@ -123,24 +124,27 @@ def grey(images: Image) -> list[NDArray[np.uint8]]:
     return [np.clip((image - low) / max(high - low, 1e-9) * 255, 0, 255).astype(np.uint8) for image in images]
 
 
-def _of_pairs(images_of: Callable[[Sequence[Strip]], Image], shift: Pairwise) -> Method:
-    """Return the method that prepares strips with ``images_of`` and finds every strip's shift from the one before."""
+def of_images(
+    images_of: Callable[[Sequence[Strip]], Image], place: Callable[[Image, Sequence[Strip], float], StripPoses]
+) -> Method:
+    """Return the method that prepares strips with ``images_of`` and places the images (n, rows, columns)."""
+    return lambda strips, nominal_pitch_mm: place(images_of(strips), strips, nominal_pitch_mm)
 
-    def method(strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
-        rows, images = nominal_pitch_mm / row_mm(strips), images_of(strips)
+
+def _of_pairs(images_of: Callable[[Sequence[Strip]], Image], shift: Pairwise) -> Method:
+    """Return the method that finds every strip's shift from the one before."""
+
+    def place(images: Image, strips: Sequence[Strip], nominal_pitch_mm: float) -> StripPoses:
+        rows = nominal_pitch_mm / row_mm(strips)
         return poses_of([shift(a, b, rows) for a, b in pairwise(images)], strips, nominal_pitch_mm)
 
-    return method
-
-
-def _with_ashlar(images_of: Callable[[Sequence[Strip]], Image]) -> Method:
-    return lambda strips, nominal_pitch_mm: _ashlar(images_of(strips), strips, nominal_pitch_mm)
+    return of_images(images_of, place)
 
 
 # scikit-image: phase_cross_correlation, and the same without whitening the spectrum (normalization=None)
 phase_correlation = _of_pairs(images_of_strips, _skimage)
 phase_correlation_prepared = _of_pairs(prepared, _skimage)
-cross_correlation_prepared = _of_pairs(prepared, _skimage_plain)
+cross_correlation_prepared = _of_pairs(prepared, partial(_skimage, normalization=None))
 # OpenCV: phaseCorrelate with a Hanning window
 opencv_phase = _of_pairs(images_of_strips, _opencv_phase)
 opencv_phase_prepared = _of_pairs(prepared, _opencv_phase)
@@ -148,5 +152,5 @@ opencv_phase_prepared = _of_pairs(prepared, _opencv_phase)
 opencv_ecc = _of_pairs(images_of_strips, _opencv_ecc)
 opencv_ecc_prepared = _of_pairs(prepared, _opencv_ecc)
 # ashlar: its registration of two tiles cropped to their nominal overlap, and its null for what is an error
-ashlar = _with_ashlar(images_of_strips)
-ashlar_prepared = _with_ashlar(prepared)
+ashlar = of_images(images_of_strips, _ashlar)
+ashlar_prepared = of_images(prepared, _ashlar)

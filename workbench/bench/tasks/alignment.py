@@ -24,7 +24,7 @@ from endoct.fusion.registration.align import open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import load_side
-from endoct.workbench.bench.program import read_answer, write_answer, write_panorama
+from endoct.workbench.bench.program import read_answer, write_answer, write_panoramas
 from endoct.workbench.bench.task import Case, Declined, Exchange, Range, Task, draw, rng_of
 from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
@@ -84,10 +84,7 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> AlignmentCase:
     """Draw the two panoramas and where B lies on A."""
     drawn = draw(seed, index, {**RANGES, **ranges})
     number = {name: float(value) for name, value in drawn.items() if not isinstance(value, str)}
-    mirrored, z_reversed = (
-        drawn["orientation"] in ("mirrored", "turned"),
-        drawn["orientation"] in ("reversed", "turned"),
-    )
+    mirrored, z_reversed = (drawn["orientation"] in (word, "turned") for word in ("mirrored", "reversed"))
     direction, sense = (-1.0 if z_reversed else 1.0), (-1.0 if mirrored else 1.0)
     scale = number["z_scale"]
     length_px = scale * (N_Z - 1)  # of B, in A's frame
@@ -115,13 +112,8 @@ def _blobs(random: np.random.Generator, area: float, low_px: float, high_px: flo
         drawn.append((float(np.exp(random.uniform(*np.log(BLOB_PX)))), float(random.uniform(0.6, 1.0))))
     n = len(drawn)
     radius, flatness = np.array(drawn).T
-    return Blobs(
-        random.uniform(low_px, high_px, n),
-        random.uniform(0, N_THETA, n),
-        radius,
-        flatness,
-        random.uniform(0, np.pi, n),
-    )
+    z_px, theta_px = random.uniform(low_px, high_px, n), random.uniform(0, N_THETA, n)
+    return Blobs(z_px, theta_px, radius, flatness, random.uniform(0, np.pi, n))
 
 
 def _image(scene: Image, random: np.random.Generator, gamma: float, contrast: float, *, inverted: bool) -> Image:
@@ -179,29 +171,18 @@ def judge(case: AlignmentCase, answer: Alignment | NotAligned) -> Mapping[str, f
     }
 
 
-def _write_pair(given: tuple[Panorama, Panorama], folder: Path) -> None:
-    for name, panorama in zip("ab", given, strict=True):
-        (folder / name).mkdir()
-        write_panorama(folder / name, panorama)
-
-
 def _write_alignment(answer: Alignment | NotAligned, folder: Path) -> None:
+    names = "theta_shift_rad", "z_shift_mm", "z_scale", "mirrored", "z_reversed"
     if isinstance(answer, NotAligned):
         write_answer(folder, {"declined": answer.reason})
-        return
-    names = "theta_shift_rad", "z_shift_mm", "z_scale", "mirrored", "z_reversed"
-    write_answer(folder, {name: getattr(answer, name) for name in names})
+    else:
+        write_answer(folder, {name: getattr(answer, name) for name in names})
 
 
-def _read_alignment(given: tuple[Panorama, Panorama], folder: Path) -> Alignment:
-    del given
-    answer = read_answer(folder)
-    theta_rad, z_mm, scale = (
-        number(answer, name, -1e4, 1e4, "the answer") for name in ("theta_shift_rad", "z_shift_mm", "z_scale")
-    )
-    return Alignment(
-        theta_rad, z_mm, scale, mirrored=answer.get("mirrored") is True, z_reversed=answer.get("z_reversed") is True
-    )
+def _read_alignment(_given: tuple[Panorama, Panorama], folder: Path) -> Alignment:
+    answer, names = read_answer(folder), ("theta_shift_rad", "z_shift_mm", "z_scale")
+    theta_rad, z_mm, scale = (number(answer, name, -1e4, 1e4, "the answer") for name in names)
+    return Alignment(theta_rad, z_mm, scale, answer.get("mirrored") is True, answer.get("z_reversed") is True)
 
 
 TASK = Task(
@@ -222,10 +203,7 @@ TASK = Task(
     },
     own=own_cases,
     exchange=Exchange(
-        files="given: folders a and b, each with intensity.npy, valid.npy, depth_mm.npy where there is depth, (z, θ), "
-        "and given.json with their z_mm and theta_rad. answer: answer.json with theta_shift_rad, z_shift_mm, z_scale, "
-        "mirrored and z_reversed: θ_A = θ_shift ± θ_B, z_A = z_shift + z_scale · ±z_B.",
-        write=_write_pair,
+        write=lambda given, folder: write_panoramas(dict(zip("ab", given, strict=True)), folder),
         read=_read_alignment,
         answer=_write_alignment,
     ),

@@ -119,9 +119,8 @@ def _against_drawn(folder: Path, answer: ComparedPair) -> dict[str, float]:
         panorama = side.panorama
         if any((folder / "truth").glob(f"{panorama.modality}*")):
             cells = segment(side, answer.parameters)
-            drawn = truths_of(folder, panorama).values()
-            overlaps = [jaccard(cells, one, panorama.valid) for one in drawn]
-            if known := [one for one in overlaps if one is not None]:
+            overlaps = (jaccard(cells, drawn, panorama.valid) for drawn in truths_of(folder, panorama).values())
+            if known := [overlap for overlap in overlaps if overlap is not None]:
                 scores[name] = float(np.mean(known))
     if answer.comparison.alignment is not None:
         pair = answer.comparison.result.own_rows_jaccard

@@ -8,6 +8,7 @@ valid sample of the wall and of true cells. What it does not know counts as the 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 from endoct.workbench import api
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated
-from endoct.workbench.bench.program import read_array, write_panorama
+from endoct.workbench.bench.program import read_array, write_array, write_panorama
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
 from endoct.workbench.sides.recordings import open_recording
@@ -88,15 +89,8 @@ def views_of(recording: Path, panorama: Panorama) -> Views:
     calibration = modality.survey(side.stream, side.parameters)
     strips = tuple(modality.unroll(side.stream[k], calibration) for k in range(len(side.stream)))
     optics, along_mm = calibration.optics, np.asarray(calibration.strip_z_mm)
-    return Views(
-        recording,
-        panorama,
-        strips,
-        np.asarray(calibration.z_mm),
-        along_mm,
-        np.asarray(optics.slant(optics.r_px(along_mm))),
-        not optics.assumed,
-    )
+    slant, z_mm = np.asarray(optics.slant(optics.r_px(along_mm))), np.asarray(calibration.z_mm)
+    return Views(recording, panorama, strips, z_mm, along_mm, slant, not optics.assumed)
 
 
 def judge(case: Case[Views, Depths], answer: object) -> dict[str, float]:
@@ -132,7 +126,7 @@ def ours(views: Views) -> Image:
 
 
 def _write_views(views: Views, folder: Path) -> None:
-    write_panorama(folder, views.panorama)
+    write_panorama(views.panorama, folder)
     rows = {float(z): k for k, z in enumerate(views.panorama.z_mm)}
     shape = len(views.strips), *views.panorama.grid.shape
     strips = np.full(shape, np.nan, np.float32)
@@ -148,15 +142,6 @@ def _write_views(views: Views, folder: Path) -> None:
         "slant_known": views.slant_known,
     }
     (folder / "views.json").write_text(json.dumps(facts), encoding="utf-8")
-
-
-def _write_depth(answer: Image, folder: Path) -> None:
-    np.save(folder / "depth_mm.npy", answer, allow_pickle=False)
-
-
-def _read_depth(views: Views, folder: Path) -> Image:
-    del views  # the judge knows its samples
-    return read_array(folder, "depth_mm").astype(np.float32)
 
 
 TASK = Task(
@@ -181,11 +166,8 @@ TASK = Task(
     own=own_cases,
     against="endoct",
     exchange=Exchange(
-        files="given: intensity.npy and valid.npy, (z, θ); strips.npy (frame, z, θ), NaN where a frame shows nothing; "
-        "given.json with z_mm, theta_rad; views.json with frame_z_mm, from_middle_mm and slant: z by which a ray "
-        "goes on for 1 mm behind the wall. answer: depth_mm.npy, (z, θ), NaN where not known.",
         write=_write_views,
-        read=_read_depth,
-        answer=_write_depth,
+        read=lambda _views, folder: read_array(folder, "depth_mm").astype(np.float32),
+        answer=partial(write_array, "depth_mm"),
     ),
 )

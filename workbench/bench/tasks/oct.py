@@ -254,9 +254,6 @@ TASK = Task(
     own=own_cases,
     against="endoct",
     exchange=Exchange(
-        files="given: given.json with recording, the path of the pullback's folder. answer: depth_mm.npy, (slice, θ) "
-        "by ascending z, mm behind the bore's nominal wall, NaN where not known; answer.json with slice_index and "
-        "slice_z_mm, a number a row. Or panorama.zarr, as endoct stores one.",
         write=_write_recording,
         read=_read_panorama,
         answer=_write_answer,

@@ -21,12 +21,11 @@ from endoct.workbench.bench.cases.bores import (
     PLAN_TILT_DEG,
     Given,
     PoseCase,
-    TrueBore,
     own_cases,
     posed_case,
 )
 from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
-from endoct.workbench.bench.program import read_answer, write_answer, write_given, write_panorama
+from endoct.workbench.bench.program import read_answer, write_answer, write_given, write_panoramas
 from endoct.workbench.bench.task import SUCCESS, Declined, Exchange, Range, Task, draw
 
 if TYPE_CHECKING:
@@ -38,11 +37,7 @@ SUCCESS_MM = 0.5
 CHI_SQUARE_95 = 5.991
 """The 95 % quantile of χ² with two degrees of freedom."""
 CT_VOXEL_MM = "ct.voxel_mm"
-SIDES: Mapping[str, Sequence[str]] = {
-    "both": ("oct", "endoscope"),
-    "oct": ("oct",),
-    "endoscope": ("endoscope",),
-}
+SIDES: Mapping[str, Sequence[str]] = {"both": ("oct", "endoscope"), "oct": ("oct",), "endoscope": ("endoscope",)}
 RANGES: Mapping[str, Range] = {
     "preset": PRESET_WORDS,
     "sides": tuple(SIDES),
@@ -52,7 +47,11 @@ RANGES: Mapping[str, Range] = {
 }
 USUAL: Mapping[str, Range] = {"preset": ("patient",)}
 SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
-OPTIONAL: Mapping[str, Range] = {SEEN_MM: (5.0, 30.0), WALL_SHARE: (0.3, 1.0)}
+OPTIONAL: Mapping[str, Range] = {
+    SEEN_MM: (5.0, 30.0),
+    WALL_SHARE: (0.3, 1.0),
+    **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in (*RANGES, CELL_MM)},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,18 +119,21 @@ def judge(case: PoseCase, answer: Located) -> dict[str, float]:
     true = truth.axis_lps(truth.length_mm + BEYOND_MM)
     across, inward = truth.to_lps[:3, :2], truth.to_lps[:3, 2]
     if truth.sides:
-        place, direction = _judged_point(side, panoramas[number], truth, number)
-        off = place - true
+        depths = truth.sides[number].z_bore(panoramas[number].z_mm[[0, -1]])
+        last = int(np.argmax(depths))  # the row nearest to the end
+        direction = _direction(side.ends_mm[last] - side.ends_mm[1 - last])
+        place = side.ends_mm[last] + (truth.length_mm + BEYOND_MM - depths[last]) * direction
     else:
         direction = _direction(side.ends_mm[1] - side.ends_mm[0])
         direction = direction if direction @ inward > 0 else -direction
         place = side.ends_mm[1] + direction * ((true - side.ends_mm[1]) @ inward) / (direction @ inward)
-        off = place - true
+    off = place - true
     aside_mm = float(np.linalg.norm(across.T @ off))
     tilt_rad = np.arctan2(np.linalg.norm(np.cross(direction, inward)), direction @ inward)
     scores = {"across_mm": aside_mm, "axis_deg": float(np.degrees(tilt_rad))}
     if truth.sides:
-        turn_rad = _angle(across, side.zero) - truth.sides[number].theta_bore(np.zeros(1))[0]
+        x, y = across.T @ side.zero
+        turn_rad = np.arctan2(y, x) - truth.sides[number].theta_bore(np.zeros(1))[0]
         scores |= {
             "target_mm": float(np.linalg.norm(off)),
             "roll_deg": float(np.degrees(np.abs(wrap_rad(np.array(turn_rad))))),
@@ -143,31 +145,13 @@ def judge(case: PoseCase, answer: Located) -> dict[str, float]:
     return {SUCCESS: float(scores.get("target_mm", aside_mm) < SUCCESS_MM), **scores}
 
 
-def _judged_point(
-    side: LocatedSide, panorama: Panorama, truth: TrueBore, number: int
-) -> tuple[Coordinates, Coordinates]:
-    """Return the answered point beyond the end, and the direction inward, from the row nearest to the end."""
-    depths = truth.sides[number].z_bore(panorama.z_mm[[0, -1]])
-    last = int(np.argmax(depths))
-    direction = _direction(side.ends_mm[last] - side.ends_mm[1 - last])
-    return side.ends_mm[last] + (truth.length_mm + BEYOND_MM - depths[last]) * direction, direction
-
-
 def _direction(vector: Coordinates) -> Coordinates:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _angle(across: Coordinates, direction: Coordinates) -> float:
-    """Return the angle of a direction in the bore frame, whose x and y are the columns of ``across``, rad."""
-    x, y = across.T @ direction
-    return float(np.arctan2(y, x))
-
-
 def _write_given(given: Given, folder: Path) -> None:
     sides, ct, plan = given
-    for number, panorama in enumerate(sides):
-        (folder / str(number)).mkdir()
-        write_panorama(folder / str(number), panorama)
+    write_panoramas({str(number): panorama for number, panorama in enumerate(sides)}, folder)
     facts = {
         "sides": len(sides),
         "ct_to_lps": ct.to_lps.tolist(),
@@ -213,9 +197,8 @@ def _read_located(given: Given, folder: Path) -> Located:
             continue
         ends, zero = np.asarray(side["ends_mm"], np.float64), np.asarray(side["zero"], np.float64)
         if ends.shape != (2, 3) or zero.shape != (3,) or not np.isfinite([*ends.ravel(), *zero]).all():
-            raise EndoctError(
-                "a side of the answer lies nowhere", expected="ends_mm, two points, and zero, a direction"
-            )
+            expected = "ends_mm, two points, and zero, a direction"
+            raise EndoctError("a side of the answer lies nowhere", expected=expected)
         sides.append(LocatedSide(ends, zero))
     covariance = said.get("covariance")
     return Located(tuple(sides), _stated(covariance) if isinstance(covariance, dict) else None)
@@ -235,7 +218,7 @@ TASK = Task(
     judge=judge,
     ranges=RANGES,
     usual=USUAL,
-    optional={**OPTIONAL, **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in (*RANGES, CELL_MM)}},
+    optional=OPTIONAL,
     scores={
         "target_mm": "error of the point of the axis 5 mm beyond the bore's end, mm",
         "across_mm": "its part across the axis, mm",
@@ -246,10 +229,6 @@ TASK = Task(
     },
     own=own_cases,
     exchange=Exchange(
-        files="given: folders 0 and, where there are two sides, 1, each with intensity.npy, valid.npy, depth_mm.npy "
-        "where there is depth, (z, θ), and given.json; ct.npy (k, j, i); given.json with ct_to_lps, a matrix of (k, j, "
-        "i, 1), entry_mm and target_mm of the plan, LPS. answer: answer.json with sides, for each null or ends_mm, the "
-        "axis at its first and last row, and zero, the direction of its θ = 0.",
         write=_write_given,
         read=_read_located,
         answer=_write_located,

@@ -5,6 +5,7 @@ user's own. The truth is on the panorama's own samples, so that no grid stands b
 """
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases import toy_walls
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, recordings_in, simulated, truths_of
-from endoct.workbench.bench.program import read_array, write_panorama
+from endoct.workbench.bench.program import read_array, write_array, write_panorama
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
 
 MADE = "made"
@@ -103,14 +104,6 @@ def _read_mask(panorama: Panorama, folder: Path) -> Mask:
     return np.asarray(mask, np.bool_)
 
 
-def _write_mask(answer: Mask, folder: Path) -> None:
-    np.save(folder / "mask.npy", answer, allow_pickle=False)
-
-
-def _write_panorama(panorama: Panorama, folder: Path) -> None:
-    write_panorama(folder, panorama)
-
-
 TASK = Task(
     name="segmentation",
     title="which samples of a panorama are cells",
@@ -132,10 +125,8 @@ TASK = Task(
     },
     own=own_cases,
     exchange=Exchange(
-        files="given: intensity.npy, valid.npy, depth_mm.npy where there is depth, (z, θ); given.json with their z_mm "
-        "and theta_rad. answer: mask.npy, bool or u8, of the same shape, not 0 where there is a cell.",
-        write=_write_panorama,
+        write=write_panorama,
         read=_read_mask,
-        answer=_write_mask,
+        answer=partial(write_array, "mask"),
     ),
 )

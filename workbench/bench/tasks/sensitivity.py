@@ -37,12 +37,6 @@ def scaled(part: Part, name: str, default: float, power: int, specimen: Specimen
     return compare_pair(specimen, {part: {name: round(value) if isinstance(default, int) else value}})
 
 
-def unchanged(specimen: Specimen, factor: float) -> ComparedPair:
-    """Compare with every parameter at its default."""
-    del factor
-    return compare_pair(specimen, {})
-
-
 def parameters() -> dict[tuple[Part, str], float]:
     """Return (part, name) → default of every parameter that is a number other than 0."""
     plugins = manifests()
@@ -55,16 +49,13 @@ def parameters() -> dict[tuple[Part, str], float]:
         (part, name): field.default
         for part, model in models.items()
         for name, field in model.model_fields.items()
-        if _is_number(field.default) and name not in NOT_TUNED[part]
+        if isinstance(value := field.default, int | float) and not isinstance(value, bool) and value != 0
+        if name not in NOT_TUNED[part]
     }
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value != 0
-
-
 def _methods() -> dict[str, Callable[..., ComparedPair]]:
-    methods: dict[str, Callable[..., ComparedPair]] = {MAIN: unchanged}
+    methods: dict[str, Callable[..., ComparedPair]] = {MAIN: lambda specimen, _factor: compare_pair(specimen, {})}
     for (part, name), default in parameters().items():
         for suffix, power in ((UP, 1), (DOWN, -1)):
             methods[f"{part}.{name}{suffix}"] = partial(scaled, part, name, default, power)

@@ -142,12 +142,11 @@ def _write_strips(given: tuple[Sequence[Strip], float], folder: Path) -> None:
 
 
 def _write_places(answer: StripPoses, folder: Path) -> None:
-    known = np.asarray(answer.trusted, np.bool_)
     places = {
         name: [float(value) if np.isfinite(value) else None for value in values]
         for name, values in (("z_mm", answer.z_mm), ("roll_rad", answer.roll_rad))
     }
-    write_answer(folder, {**places, "trusted": known.tolist()})
+    write_answer(folder, {**places, "trusted": np.asarray(answer.trusted, np.bool_)})
 
 
 def _read_places(given: tuple[Sequence[Strip], float], folder: Path) -> StripPoses:
@@ -181,9 +180,6 @@ TASK = Task(
     own=own_cases,
     against="endoct",
     exchange=Exchange(
-        files="given: intensity.npy and valid.npy, (strip, row, column); given.json with nominal_pitch_mm, and z_mm "
-        "and theta_rad of the rows and columns of every strip. answer: answer.json with the lists z_mm and roll_rad, "
-        "a number a strip, and trusted, true or false a strip, where some are not known.",
         write=_write_strips,
         read=_read_places,
         answer=_write_places,

@@ -6,9 +6,21 @@ from pathlib import Path
 import pytest
 
 from endoct.base.files.files import sha256_of
-from endoct.workbench.bench.published.deposit import RAI, write_deposit
+from endoct.workbench.bench.published.deposit import write_deposit
 from endoct.workbench.bench.published.specimen_set import SET_FILE, SpecimenSet, check_specimen, read_set
 
+RESPONSIBLE = (
+    "dataCollection",
+    "dataCollectionType",
+    "dataPreprocessingProtocol",
+    "dataAnnotationProtocol",
+    "dataBiases",
+    "dataLimitations",
+    "dataUseCases",
+    "dataSocialImpact",
+    "personalSensitiveInformation",
+    "dataReleaseMaintenancePlan",
+)
 DEPOSITED = {"README.md", "LICENSE", "CITATION.cff", "deposit.md", "croissant.json", "specimens.csv"}
 
 
@@ -51,7 +63,7 @@ def test_croissant_states_what_is_there(deposited: tuple[Path, SpecimenSet]) -> 
     content = json.loads((folder / "croissant.json").read_text(encoding="utf-8"))
     for file in content["distribution"]:
         assert file["sha256"] == sha256_of(folder / file["contentUrl"])
-    assert set(RAI) <= set(content)
+    assert {f"rai:{name}" for name in RESPONSIBLE} <= set(content)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of rdflib, which mlcroissant uses

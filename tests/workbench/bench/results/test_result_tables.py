@@ -65,7 +65,7 @@ def test_differences_of_the_first_scores_are_a_line_a_method() -> None:
     assert cells[0] == ["a", "b", "lost"]
     assert cells[-1] == ["6/2/9", "6/2/9", "–"]
     assert cells[1][2] == "–"
-    assert cells[2][2] != "–"
+    assert cells[2][2] == "+1 (+1 to +1)"
     assert cells[1][:2] == cells[2][:2] == cells[3][:2]
 
 

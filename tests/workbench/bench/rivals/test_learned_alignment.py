@@ -57,7 +57,8 @@ def test_matches_become_the_similarity_that_most_agree_on() -> None:
     to_a = 1.1 * from_b + [20, 5]
     to_a[:15] = random.uniform(0, 100, (15, 2))
     flat = Flat(np.zeros((8, 16), np.float32), np.ones((8, 8), np.float32), 0.01, (0.0, 0.0), 1.0, (False, False))
-    matrices = list(learned._by_matches(lambda here, there: (from_b, to_a))(flat))
+    matrices = list(learned.by_matches(lambda there: lambda here: (from_b, to_a))(flat))
     assert len(matrices) == 2  # one for each polarity
     np.testing.assert_allclose(matrices[0], [[1.1, 0, 20], [0, 1.1, 5]], atol=1e-3)
-    assert not list(learned._by_matches(lambda here, there: (from_b[:3], to_a[:3]))(flat))
+    assert len(list(learned.by_matches(lambda there: lambda here: (from_b[20:24], to_a[20:24]))(flat))) == 2
+    assert not list(learned.by_matches(lambda there: lambda here: (from_b[:3], to_a[:3]))(flat))

@@ -86,7 +86,6 @@ def test_of_two_sides_the_one_with_depth_is_located(case: bores.PoseCase, monkey
         return rivals._Result(1.0, rivals.Sense(), np.eye(4), 1.0)
 
     monkeypatch.setattr(rivals, "_best", best)
-    monkeypatch.setattr(rivals, "simpleitk_matching", lambda air: lambda side, panorama: None)
     answer = rivals.simpleitk((camera, panorama), ct, plan)
     assert isinstance(answer, Located)
     assert asked == ["ranger"]
