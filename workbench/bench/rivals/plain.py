@@ -6,7 +6,9 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.rivals.depth import optical_flow
 from endoct.workbench.bench.tasks.alignment import orientations_between
+from endoct.workbench.bench.tasks.depth import Views
 
 STEP_MM = 0.04
 N_AROUND = 256
@@ -16,6 +18,9 @@ AWAY = 8
 """A second peak lies at least so many samples from the first."""
 SECOND = 0.9
 SCALES = np.linspace(0.95, 1.05, 5)
+BEHIND_MM = 0.06
+"""Cells lie so far behind the median of their slice."""
+SHALLOW_MM = 0.1
 
 
 def fft_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
@@ -50,6 +55,21 @@ def fft_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
 def _apart(n: int, at: int) -> Mask:
     """Return which of ``n`` samples on a circle lie farther than :data:`AWAY` from one, (n,)."""
     return np.asarray(np.abs((np.arange(n) - at + n // 2) % n - n // 2) > AWAY)
+
+
+def behind_the_median(panorama: Panorama) -> Mask:
+    """Return what lies 60 µm behind the median of its slice, or is darker than half of it where there is no depth."""
+    values = panorama.intensity if panorama.depth_mm is None else panorama.depth_mm
+    slices = zip(values, panorama.valid, strict=True)
+    typical = np.array([np.median(row[seen]) if seen.any() else 0 for row, seen in slices])[:, np.newaxis]
+    cells = values < typical / 2 if panorama.depth_mm is None else values > typical + BEHIND_MM
+    return np.asarray(panorama.valid & cells)
+
+
+def flow_or_wall(views: Views) -> Image:
+    """Return the depth of optical flow, and the wall where that is less than 0.1 mm or not known."""
+    depth_mm = np.nan_to_num(optical_flow(views))
+    return np.where(depth_mm < SHALLOW_MM, 0, depth_mm).astype(np.float32)
 
 
 def _vertex(values: Coordinates, at: int) -> float:

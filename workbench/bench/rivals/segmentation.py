@@ -18,11 +18,17 @@ from endoct.fusion.evidence.evidence import Evidence, prepare
 from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import bounds
 from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.stitching.panorama import Panorama
 
 BLUR_MM = 0.015
 CONTOUR_STEPS, CELL_WEIGHT = 20, 30.0
 """For Chan and Vese's contours on prepared panoramas: steps, and the weight of deviations within a cell."""
+
+
+def li_raw(panorama: Panorama) -> Mask:
+    """Li's threshold on the raw intensity, cells dark (Laves 2019, taken literally)."""
+    return panorama.valid & (panorama.intensity < li_threshold(panorama.intensity[panorama.valid]))
 
 
 def li_depth(panorama: Panorama) -> Mask:
