@@ -50,15 +50,15 @@ class Strip:
         )
 
 
-def settle_images(of: object, what: str, shape: tuple[int, int], axes: str) -> None:
+def settle_images(of: object, kind: str, shape: tuple[int, int], axes: str) -> None:
     """Make the images of a frozen dataclass read-only arrays of their types; None stays.
 
-    Raises :class:`EndoctError` where one has not ``shape``, whose ``axes`` a message names, as those of ``what``.
+    Raises :class:`EndoctError` where one has not ``shape``, whose ``axes`` a message names, as those of a ``kind``.
     """
     for name, dtype in IMAGES.items():
         if (values := getattr(of, name, None)) is not None:
             image = readonly(values, dtype)
             if image.shape != shape:
-                problem = f"{name} of a {what} has the wrong shape"
+                problem = f"{name} of a {kind} has the wrong shape"
                 raise EndoctError(problem, found=f"{image.shape}", expected=f"{shape} ({axes})")
             object.__setattr__(of, name, image)
