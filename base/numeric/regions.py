@@ -84,8 +84,9 @@ def label_in_order(mask: Mask) -> Labels:
     labels, n = label(mask)
     if n == 0:
         return labels
-    count = np.bincount(labels.ravel())
-    sum_of_rows = np.bincount(labels.ravel(), np.repeat(np.arange(len(labels)), labels.shape[1]))
+    flat = labels.ravel().astype(np.intp)
+    count = np.bincount(flat)
+    sum_of_rows = np.bincount(flat, np.repeat(np.arange(len(labels), dtype=np.float64), labels.shape[1]))
     new = np.zeros(n + 1, np.int32)
     new[1 + np.argsort(sum_of_rows[1:] / count[1:], kind="stable")] = np.arange(1, n + 1)
     return looked_up(new, labels)

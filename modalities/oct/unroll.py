@@ -101,8 +101,8 @@ def maximum_intensity(samples: NDArray[Any], first_row: NDArray[np.intp], lines:
     The rows ``lines``, bool (depth,), are interpolated from their neighbours. Laves 2019, Extracting mastoid pattern:
     crop, then maximum intensity projection along depth.
     """
-    image = bridge_rows(np.asarray(samples, np.float32), lines)
-    return np.asarray(np.fmax.reduce(_beyond(image, first_row), axis=1), np.float32)
+    image, nearest = bridge_rows(np.asarray(samples, np.float32), lines), int(first_row.min())
+    return np.asarray(np.fmax.reduce(_beyond(image[:, nearest:], first_row - nearest), axis=1), np.float32)
 
 
 def _beyond(image: Image, first_row: NDArray[np.intp]) -> Image:
