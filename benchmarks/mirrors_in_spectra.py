@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import reconstruction
-from endoct.modalities.oct.spectra.resampling import sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import reconstruction, sample_places, taps, window
 from endoct.synthetic.oct.spectrometer import chirp
 
 N, ASCANS, AMPLITUDE = 1024, 64, 10_000

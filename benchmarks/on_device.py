@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 from endoct.modalities.endoscope.plugin import EndoscopeModality
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
 from endoct.modalities.oct.spectra.on_device import OnDevice
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction
-from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import (
+    Reconstruction,
+    dispersion_phase,
+    reconstruction,
+    sample_places,
+    taps,
+    window,
+)
 from endoct.modalities.recognition import open_recording
 from endoct.synthetic.oct.spectrometer import chirp
 from endoct.synthetic.specimen import simulate

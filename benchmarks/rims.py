@@ -32,7 +32,7 @@ from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.endoscope.camera import render_frame
 from endoct.synthetic.endoscope.lighting import lighting_of
-from endoct.synthetic.sidecars import endoscope_sidecar as simulated_sidecar
+from endoct.synthetic.specimen_files import endoscope_sidecar as simulated_sidecar
 from endoct.workbench import unroll
 
 PRESETS = ("quick", "hard", "mastoid", "learning", "dark")

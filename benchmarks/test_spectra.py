@@ -23,9 +23,11 @@ from endoct.modalities.oct.spectra.reconstruction import (
     mean_spectrum,
     reconstruction,
     resample,
+    sample_places,
+    taps,
+    window,
     write_levels,
 )
-from endoct.modalities.oct.spectra.resampling import sample_places, taps, window
 from endoct.synthetic.oct.spectrometer import chirp
 
 ASCANS, N = 14_000, 1024

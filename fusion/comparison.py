@@ -29,8 +29,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, SearchOutcome
-from endoct.fusion.geometry.placement import IN_PLACE, Sampling, check_same_bore, common_grid
-from endoct.fusion.geometry.reference_bore import WIDEST_IN_BONE_MM
+from endoct.fusion.geometry.placement import IN_PLACE, WIDEST_IN_BONE_MM, Sampling, check_same_bore, common_grid
 from endoct.fusion.pair_overlaps import by_li, on_own_rows
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import (

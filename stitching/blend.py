@@ -5,7 +5,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.compute.compiled import compiled
 from endoct.base.errors import EndoctError
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.strip import Strip
@@ -13,6 +12,7 @@ from endoct.stitching.strip import Strip
 ROW_TOLERANCE_MM = 1e-6
 
 
+@np.errstate(invalid="ignore")  # of samples that are not valid
 def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> tuple[Image, Image | None, Mask, Image]:
     """Return (intensity, depth_mm or None, valid, weight), each (n_z, n_theta), of all ``strips``.
 
@@ -25,12 +25,13 @@ def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> 
     weight = np.zeros(grid.shape)
     for strip in strips:
         rows = _rows_of(strip, grid, row_z_mm)
-        _add(strip.valid, strip.weight, weight[rows])
-        _add_weighted(strip.valid, strip.weight, strip.intensity, total[rows])
+        own_weight = strip.weight.astype(np.float64)
+        np.add(weight[rows], own_weight, out=weight[rows], where=strip.valid)
+        np.add(total[rows], own_weight * strip.intensity, out=total[rows], where=strip.valid)
         if strip.depth_mm is not None:
             if total_depth is None:
                 total_depth = np.zeros(grid.shape)
-            _add_weighted(strip.valid, strip.weight, strip.depth_mm, total_depth[rows])
+            np.add(total_depth[rows], own_weight * strip.depth_mm, out=total_depth[rows], where=strip.valid)
     valid = weight > 0
     mean = np.divide(total, weight, out=total, where=valid).astype(np.float32)
     if total_depth is None:
@@ -38,22 +39,6 @@ def blend(strips: Iterable[Strip], grid: SurfaceGrid, row_z_mm: Coordinates) -> 
     total_depth[~valid] = np.nan
     depth = np.divide(total_depth, weight, out=total_depth, where=valid).astype(np.float32)
     return mean, depth, valid, weight.astype(np.float32)
-
-
-@compiled
-def _add(valid: Mask, weight: Image, total: Coordinates) -> None:
-    """Add ``weight`` to ``total`` where ``valid``."""
-    for i in range(total.shape[0]):
-        for j in range(total.shape[1]):
-            total[i, j] += weight[i, j] if valid[i, j] else 0.0
-
-
-@compiled
-def _add_weighted(valid: Mask, weight: Image, values: Image, total: Coordinates) -> None:
-    """Add ``values`` times ``weight`` to ``total`` where ``valid``."""
-    for i in range(total.shape[0]):
-        for j in range(total.shape[1]):
-            total[i, j] += np.float64(weight[i, j]) * values[i, j] if valid[i, j] else 0.0
 
 
 def _rows_of(strip: Strip, grid: SurfaceGrid, row_z_mm: Coordinates) -> slice:

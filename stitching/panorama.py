@@ -9,15 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Image, Mask, readonly
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import plain_name
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
 from endoct.stitching.per_frame import PerFrame, per_frame
+from endoct.stitching.strip import DEPTHS, settle_images
 
 if TYPE_CHECKING:
     import xarray
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 FORMAT = "endoct-panorama-1"
 SURFACE = ("intensity", "valid", "weight", "depth_mm", "parallax_depth_mm", "parallax_error_mm", "z", "theta")
 """These are the names of a panorama's own arrays in its store. Values per frame may have none of them."""
-_DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
 _TAKEN = (*SURFACE, "volume")
 TRAVEL_BY_DEFAULT = "travel_by_default"
 """Under this name a panorama's provenance has the direction of travel that no sidecar, file or setting states."""
@@ -114,23 +113,10 @@ class Panorama:
 
     def __post_init__(self) -> None:
         set_field = object.__setattr__
-        set_field(self, "intensity", readonly(self.intensity, np.float32))
-        set_field(self, "valid", readonly(self.valid, np.bool_))
-        set_field(self, "weight", readonly(self.weight, np.float32))
-        for name in _DEPTHS:
-            if getattr(self, name) is not None:
-                set_field(self, name, readonly(getattr(self, name), np.float32))
+        settle_images(self, "panorama", self.grid.shape, "z, θ")
         set_field(self, "per_frame", per_frame(self.per_frame, {}))
         set_field(self, "doubts", tuple(dict.fromkeys(as_doubt(one) for one in self.doubts)))
         set_field(self, "notes", without_doubts(tuple(self.notes), self.doubts))
-        for name in ("intensity", "valid", "weight", *_DEPTHS):
-            array = getattr(self, name)
-            if array is not None and array.shape != self.grid.shape:
-                raise EndoctError(
-                    f"{name} of a panorama has the wrong shape",
-                    found=f"{array.shape}",
-                    expected=f"{self.grid.shape} (z, θ)",
-                )
         self._check_frames()
 
     @property
@@ -202,7 +188,7 @@ class Panorama:
             "z": (("z",), self.z_mm, units_mm),
             "theta": (("theta",), self.grid.theta_rad, {"units": "rad"}),
         }
-        for name in _DEPTHS:
+        for name in DEPTHS:
             if (depth := getattr(self, name)) is not None:
                 variables[name] = (surface, depth, units_mm)
         for name, one in self.per_frame.items():

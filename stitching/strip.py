@@ -8,6 +8,10 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image, Mask, readonly
 from endoct.base.errors import EndoctError
 
+DEPTHS = ("depth_mm", "parallax_depth_mm", "parallax_error_mm")
+IMAGES = {"intensity": np.float32, "valid": np.bool_, "weight": np.float32, **dict.fromkeys(DEPTHS, np.float32)}
+"""Images of strips and panoramas have these types."""
+
 
 @dataclass(frozen=True, eq=False)
 class Strip:
@@ -35,26 +39,26 @@ class Strip:
     diagnostics: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        set_array = object.__setattr__
-        set_array(self, "z_mm", readonly(self.z_mm, np.float64))
-        set_array(self, "theta_rad", readonly(self.theta_rad, np.float64))
-        set_array(self, "intensity", readonly(self.intensity, np.float32))
-        set_array(self, "valid", readonly(self.valid, np.bool_))
-        set_array(self, "weight", readonly(self.weight, np.float32))
-        if self.depth_mm is not None:
-            set_array(self, "depth_mm", readonly(self.depth_mm, np.float32))
-        shape = self.z_mm.size, self.theta_rad.size
-        for name in ("intensity", "depth_mm", "valid", "weight"):
-            array = getattr(self, name)
-            if array is not None and array.shape != shape:
-                raise EndoctError(
-                    f"{name} of a strip has the wrong shape",
-                    found=f"{array.shape}",
-                    expected=f"{shape} (rows, θ)",
-                )
+        for name in ("z_mm", "theta_rad"):
+            object.__setattr__(self, name, readonly(getattr(self, name), np.float64))
+        settle_images(self, "strip", (self.z_mm.size, self.theta_rad.size), "rows, θ")
 
     def __repr__(self) -> str:
         return (
             f"<Strip {self.z_mm.size} × {self.theta_rad.size} (z, θ): z {self.z_mm[0]:.2f} to {self.z_mm[-1]:.2f} mm, "
             f"{self.valid.mean():.1%} valid>"
         )
+
+
+def settle_images(of: object, kind: str, shape: tuple[int, int], axes: str) -> None:
+    """Make the images of a frozen dataclass read-only arrays of their types; None stays.
+
+    Raises :class:`EndoctError` where one has not ``shape``, whose ``axes`` a message names, as those of a ``kind``.
+    """
+    for name, dtype in IMAGES.items():
+        if (values := getattr(of, name, None)) is not None:
+            image = readonly(values, dtype)
+            if image.shape != shape:
+                problem = f"{name} of a {kind} has the wrong shape"
+                raise EndoctError(problem, found=f"{image.shape}", expected=f"{shape} ({axes})")
+            object.__setattr__(of, name, image)

@@ -1,6 +1,7 @@
-"""A process that calls functions for this one: threads of one process wait for one another where arrays are small.
+"""Processes that end with this one: any program with all that it starts, and one that calls functions for this one.
 
-It is a program of its own. A fork is unsafe while threads run, and a child of ``multiprocessing`` would run the script
+The latter is for work on small arrays, for which threads of one process wait for one another. It is a program of its
+own. A fork is unsafe while threads run, and a child of ``multiprocessing`` would run the script
 of a caller of the Python interface again. It starts before there is work for it, so that it is ready by then. While a
 call is running it sends messages, so that progress can be shown. It is killed with its context, whatever it is doing.
 
@@ -20,17 +21,20 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from threading import Lock
 from typing import IO, Any, TypeVar
 
 from endoct.base.compute.own_process import settle_in, undone_in_the_end
 from endoct.base.errors import EndoctError
 
+_GUARD = "read _; kill -s INT -- -$0; sleep 5; kill -s KILL -- -$0"
+"""Waits on a pipe that only this process holds, so it goes on as soon as this process has ended, in whatever way."""
 OUT_OF_MEMORY = 12
 """Exit status of a process that had no memory for a request."""
 
@@ -38,6 +42,55 @@ Send = Callable[[object], None]
 """Sends a message from a function that is running in the process to the ``on_message`` of its call."""
 
 Out = TypeVar("Out")
+
+
+@contextmanager
+def process_group(
+    command: Sequence[str],
+    *,
+    stdout: int | IO[bytes] = subprocess.DEVNULL,
+    stderr: int | IO[bytes] = subprocess.DEVNULL,
+    cwd: Path | None = None,
+    env: dict[str, str] | None = None,
+    holds: Sequence[int] = (),
+) -> Iterator["subprocess.Popen[bytes]"]:
+    """Yield a program that runs ``command`` in a group of its own; the group is killed when the block is left.
+
+    Where this process is killed, the group is interrupted, and killed five seconds later. ``holds``: files of this
+    process that stay open in the program. Raises ``OSError`` where it cannot be started. Elsewhere than on POSIX only
+    the program itself is ended, by the block.
+    """
+    posix = os.name == "posix"
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=stdout, stderr=stderr, cwd=cwd, env=env,
+        start_new_session=posix, pass_fds=holds if posix else (),
+    )  # fmt: skip
+
+    def end() -> None:
+        with suppress(OSError):  # all have ended
+            os.killpg(process.pid, signal.SIGKILL) if posix else process.kill()
+
+    with process, undone_in_the_end(end):  # the former closes its pipes
+        try:
+            with _guarded(process.pid) if posix else nullcontext():
+                yield process
+        finally:
+            end()
+            process.wait()
+
+
+@contextmanager
+def _guarded(group: int) -> Iterator[None]:
+    """Have a process group interrupted and killed where this process ends within the block."""
+    guard = subprocess.Popen(
+        ["/bin/sh", "-c", _GUARD, str(group)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    try:
+        yield
+    finally:
+        guard.kill()
+        guard.communicate()
 
 
 @dataclass(frozen=True)

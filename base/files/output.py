@@ -69,7 +69,7 @@ def new_output(
                 ) from error
             try:
                 yield made
-                _finish(made, kind)
+                seal(made, kind) if made.is_dir() else sync(made)
             except OSError as error:
                 raise EndoctError(f"writing {path} failed", found=_cause(error)) from error
             _stand(made, place, scratch, judged)
@@ -175,13 +175,6 @@ def _judged(place: Path, kind: str, overwrite: bool, is_ours: IsOurs) -> _Judged
             remedy=MOVE_AWAY,
         )
     return _Judged(contents, state)
-
-
-def _finish(made: Path, kind: str) -> None:
-    if made.is_dir():
-        seal(made, kind)
-    else:
-        sync(made)
 
 
 def _stand(made: Path, place: Path, scratch: Path, judged: _Judged | None) -> None:

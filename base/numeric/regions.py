@@ -84,7 +84,9 @@ def label_in_order(mask: Mask) -> Labels:
     labels, n = label(mask)
     if n == 0:
         return labels
-    count, sum_of_rows = _counts(labels, n + 1)
+    flat = labels.ravel().astype(np.intp)
+    count = np.bincount(flat)
+    sum_of_rows = np.bincount(flat, np.repeat(np.arange(len(labels), dtype=np.float64), labels.shape[1]))
     new = np.zeros(n + 1, np.int32)
     new[1 + np.argsort(sum_of_rows[1:] / count[1:], kind="stable")] = np.arange(1, n + 1)
     return looked_up(new, labels)
@@ -95,34 +97,14 @@ def remove_small(mask: Mask, smallest_px: float) -> Mask:
     if smallest_px <= 1:
         return mask
     pieces, region_of = _pieces(mask)
-    keep = np.bincount(region_of, _counts(pieces, region_of.size)[0]) >= smallest_px
+    keep = np.bincount(region_of, np.bincount(pieces.ravel())) >= smallest_px
     keep[0] = False
     return looked_up(keep[region_of], pieces)
 
 
-@compiled
 def looked_up(table: NDArray[T], labels: Labels) -> NDArray[T]:
-    """The entry of ``table`` for every label."""
-    found = np.empty(labels.shape, table.dtype)
-    for row in range(labels.shape[0]):
-        for column in range(labels.shape[1]):
-            found[row, column] = table[labels[row, column]]
-    return found
-
-
-@compiled
-def _counts(labels: Labels, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """How many samples have each label 0 … n − 1, and the sum of their rows."""
-    count, sum_of_rows = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    for row in range(labels.shape[0]):
-        first = 0
-        for column in range(1, labels.shape[1] + 1):
-            # a whole run at once: by itself, each sample would wait for the one before it
-            if column == labels.shape[1] or labels[row, column] != labels[row, first]:
-                count[labels[row, first]] += column - first
-                sum_of_rows[labels[row, first]] += row * (column - first)
-                first = column
-    return count, sum_of_rows
+    """Return the entry of ``table`` for every label."""
+    return np.take(table, labels)
 
 
 def quantiles(values: Image, labels: NDArray[np.integer], n: int, share: float) -> Coordinates:

@@ -46,7 +46,8 @@ def relief(depth_mm: Image, valid: Mask, z_mm: Coordinates) -> Image:
     observed = valid[:, ::step]
     basis = _basis(2 * np.pi / n_theta * np.arange(n_theta))
     depth = np.where(observed, depth_mm[:, ::step], 0.0).astype(np.float64)
-    near = _nearness(z_mm)
+    # how much each row counts for the course of the wall at each row
+    near: Coordinates = np.exp(-0.5 * ((z_mm[:, np.newaxis] - z_mm) / NEIGHBOURHOOD_MM) ** 2)
     wall = _first_wall(depth, observed, basis[::step], z_mm)
     products = basis[::step, :, np.newaxis] * basis[::step, np.newaxis, :]
     for least_mm in REACHES_MM:
@@ -82,12 +83,6 @@ def _steadiness(departures_mm: Coordinates, trusted: Coordinates) -> Coordinates
     if mostly_wall.sum() < 5:
         return np.full(departures_mm.shape[1], STEADINESS_MM[0])
     return np.clip(robust_sigmas(departures_mm[mostly_wall]), *STEADINESS_MM)
-
-
-def _nearness(z_mm: Coordinates) -> Coordinates:
-    """Return how much each row counts for the course of the wall at each row, (n_z, n_z)."""
-    near: Coordinates = np.exp(-0.5 * ((z_mm[:, np.newaxis] - z_mm) / NEIGHBOURHOOD_MM) ** 2)
-    return near
 
 
 def _first_wall(depth_mm: Coordinates, observed: Mask, basis: Coordinates, z_mm: Coordinates) -> Coordinates:

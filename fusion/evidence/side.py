@@ -10,7 +10,7 @@ from endoct.base.arrays import Mask
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.evidence.evidence import Evidence, Polarity, prepare
 from endoct.fusion.evidence.relief import ParallaxRelief, parallax_relief
-from endoct.fusion.geometry.reference_bore import bore_scale, scaled_grid, scaled_panorama
+from endoct.fusion.geometry.placement import bore_scale, scaled_grid, scaled_panorama
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 

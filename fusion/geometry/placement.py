@@ -2,9 +2,12 @@
 
 Rows and columns are resampled separately, each by a sparse matrix, from what was observed only. Where new samples lie
 closer than the old ones they are interpolated linearly. Where they lie farther apart, each is the mean over its extent.
+
+Bores far wider than those in bone are seen as one of 2.5 mm. A cell in bone has its size whether the bore has 2.2 mm or
+2.8 mm, so lengths are in mm there. In a hole forty times as wide, a length in mm is a share of the bore.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +18,12 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.geometry.reference_bore import bore_scale
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 
+REFERENCE_RADIUS_MM = 1.25
+WIDEST_IN_BONE_MM = 5.0
+"""Up to this radius, lengths are in mm."""
 FARTHEST_ROW = 0.75
 """How far, in row spacings, a place may lie from the nearest row and still count as observed."""
 FARTHEST_OUTLINE_MM = 1.0
@@ -27,6 +33,33 @@ SAME_BORE = 0.03
 """Two nominal diameters of one bore differ by no more than this share of the larger."""
 HALF = np.float32(0.5 - 1e-6)
 IN_PLACE = Alignment(theta_shift_rad=0.0, z_shift_mm=0.0)
+
+
+def bore_scale(radius_mm: float) -> float:
+    """Return how many times as wide as one of 2.5 mm a bore is to be seen; 1 for every bore in bone."""
+    return radius_mm / REFERENCE_RADIUS_MM if radius_mm > WIDEST_IN_BONE_MM else 1.0
+
+
+def scaled_grid(grid: SurfaceGrid, factor: float) -> SurfaceGrid:
+    """Return ``grid`` with every length times ``factor``."""
+    rows = None if grid.rows_mm is None else tuple(factor * z for z in grid.rows_mm)
+    lengths = {name: factor * getattr(grid, name) for name in ("z0_mm", "dz_mm", "radius_mm")}
+    return replace(grid, **lengths, rows_mm=rows)
+
+
+def scaled_panorama(panorama: Panorama, factor: float) -> Panorama:
+    """Return ``panorama`` with its places and depths times ``factor``; values per frame stay."""
+
+    def scaled(image: Image | None) -> Image | None:
+        return None if image is None else np.float32(factor) * image
+
+    return replace(
+        panorama,
+        grid=scaled_grid(panorama.grid, factor),
+        depth_mm=scaled(panorama.depth_mm),
+        parallax_depth_mm=scaled(panorama.parallax_depth_mm),
+        parallax_error_mm=scaled(panorama.parallax_error_mm),
+    )
 
 
 def row_weights(from_mm: Coordinates, spacing_mm: float, to_mm: Coordinates, extent_mm: float) -> sparse.csr_array:

@@ -9,7 +9,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.evidence.evidence import Evidence, on_grid
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.geometry.reference_bore import WIDEST_IN_BONE_MM
+from endoct.fusion.geometry.placement import WIDEST_IN_BONE_MM
 from endoct.fusion.segmentation.side_cells import segment
 
 ROWS_MM, COLUMNS = 0.2, 64

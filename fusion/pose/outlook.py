@@ -209,14 +209,10 @@ def _judged(rehearsal: Rehearsal, alone: SidePose, length_mm: float) -> Tried:
         right=not differ(summary(fit), summary(true_fit), length_mm),
         error_mm=float(np.linalg.norm(off)),
         turn_deg=float(np.degrees(wrap_rad(fit.of_side(0)[TURN] - true_fit.of_side(0)[TURN]))),
-        deviation_mm=_deviation(pose, depth_mm),
+        deviation_mm=float(np.sqrt(np.trace(pose.axis_covariance(depth_mm)))),
         agreement=fit.agreement[0],
         second=alone.second,
     )
-
-
-def _deviation(pose: BorePose, depth_mm: float) -> float:
-    return float(np.sqrt(np.trace(pose.axis_covariance(depth_mm))))
 
 
 def _went(prospect: Prospect) -> str:

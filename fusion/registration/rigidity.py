@@ -21,7 +21,7 @@ from scipy import fft
 
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.base.numeric.regions import label
 from endoct.fusion.evidence.evidence import CLIP, Evidence, clipped, on_grid, reoriented
 from endoct.fusion.geometry.alignment import Alignment

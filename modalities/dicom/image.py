@@ -25,8 +25,7 @@ from endoct.modalities.dicom.dicom_file import (
     read_file,
     reading_dicom,
 )
-from endoct.modalities.dicom.fragments import COPY, MOST_FRAMES, fragments_of, places_of
-from endoct.modalities.dicom.samples import ReadSamples, checked_stream
+from endoct.modalities.dicom.samples import COPY, MOST_FRAMES, ReadSamples, checked_stream, fragments_of, places_of
 
 if TYPE_CHECKING:
     from pydicom import Dataset

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.doubt import Doubt
 from endoct.modalities.endoscope.flatfield import FlatField
-from endoct.modalities.endoscope.frame_places import FramePlaces
-from endoct.modalities.endoscope.frames import Frames
+from endoct.modalities.endoscope.frames import FramePlaces, Frames
 from endoct.modalities.endoscope.mirror.annulus import Annulus
 from endoct.modalities.endoscope.mirror.optics import ConeOptics
 from endoct.modalities.endoscope.motion import Centring, Motion, probe_offsets

@@ -58,7 +58,7 @@ def evidence_of_ring(frames: Frames, reference: Reference, rows: Coordinates, fe
     spread = np.ptp(np.quantile(own_px, (0.25, 0.75), axis=0), axis=0) / ring.outer_px if len(own_px) > 1 else None
     moving, moving_within = _movement(reference.ring)
     return RingEvidence(
-        apart=float(np.hypot(ring.inner_x_px - ring.outer_x_px, ring.inner_y_px - ring.outer_y_px)) / ring.outer_px,
+        apart=ring.rings[0].apart_px(ring.rings[1]) / ring.outer_px,
         spread=None if spread is None else (float(spread[0]), float(spread[1])),
         darkest=_darkest(rows),
         saturated=float(np.median(frames.saturated_fraction)),

@@ -141,7 +141,7 @@ def _light(typical: Image, harmonics: int) -> Image:
     seen = np.isfinite(coarse)
     coarse = np.where(seen, coarse, 0.0)
     few = waves[:, every]
-    profile = _row_quantiles(coarse, seen, 0.6)
+    profile = np.array([quantile(row[s], 0.6) if s.any() else 0.0 for row, s in zip(coarse, seen, strict=True)])
     weight_of_wave = np.zeros((2, len(few)))
     clipped = coarse >= SATURATED_LOG
     for tightness in np.geomspace(8, 1, 12).tolist() + [1.0] * 8:
@@ -168,10 +168,6 @@ def _waving(weights: Coordinates, waves: Coordinates, along: Coordinates) -> Coo
     """Return the sum of all ``waves`` (n, n_theta), even along r and growing with it, by ``weights`` (2, n)."""
     even, growing = weights @ waves
     return np.asarray(even + along[:, None] * growing)
-
-
-def _row_quantiles(values: Coordinates, observed: Mask, share: float) -> Coordinates:
-    return np.array([quantile(row[s], share) if s.any() else 0.0 for row, s in zip(values, observed, strict=True)])
 
 
 def _pattern(residual: Image) -> Image:

@@ -14,8 +14,7 @@ from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration, per_frame_values
 from endoct.modalities.endoscope.doubts import doubts_of_overlay, doubts_of_ring, evidence_of_ring
 from endoct.modalities.endoscope.flatfield import enough_frames, estimate_flat_field, even_strip, frame_exposure
-from endoct.modalities.endoscope.frame_places import place_frames
-from endoct.modalities.endoscope.frames import LogStrip, brightness_of_rows, examine_frames
+from endoct.modalities.endoscope.frames import LogStrip, brightness_of_rows, examine_frames, place_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band, Circles, recentred, stated_band
 from endoct.modalities.endoscope.mirror.overlay import in_pixels_of_files

@@ -144,18 +144,14 @@ class TubeModel:
         along = 2 * (self.marks.r_px - inner) / (outer - inner) - 1
         shift_mm = values[BEND] * along**2 + self.marks.in_ring * (values[SHIFT] + values[TREND] * along)
         off = theta - helix - (self.marks.line == HELICAL) * shift_mm / self.target.radius_mm
-        first = self._first_of_line[self._line]
+        first_of_line = np.zeros(int(self._line.max()) + 1, np.intp)
+        first_of_line[self._line[::-1]] = np.arange(self._line.size)[::-1]
+        first = first_of_line[self._line]
         return np.asarray(self.target.radius_mm * (off[first] + wrap_rad(off - off[first])))
 
     @property
     def _line(self) -> NDArray[np.intp]:
         return np.asarray(2 * self.marks.frame + (self.marks.line == HELICAL), np.intp)
-
-    @property
-    def _first_of_line(self) -> NDArray[np.intp]:
-        first = np.zeros(int(self._line.max()) + 1, np.intp)
-        first[self._line[::-1]] = np.arange(self._line.size)[::-1]
-        return first
 
     def _mean_of_line(self, off: Coordinates) -> Coordinates:
         n = 2 * (int(self.marks.frame.max()) + 1)

@@ -12,7 +12,8 @@ from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.flatfield import estimate_flat_field, frame_exposure
 from endoct.modalities.endoscope.light import log_light, reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus
-from endoct.modalities.endoscope.mirror.band import RIM_PX, Circles, sample
+from endoct.modalities.endoscope.mirror.band import RIM_PX, Circles
+from endoct.modalities.endoscope.mirror.rings import sample
 from endoct.modalities.tube.locating import COLUMNS, STEP_MM, TubePose
 from endoct.modalities.tube.target import Target
 

@@ -199,16 +199,16 @@ def mean_between(image: Image, first: NDArray[np.intp], last: NDArray[np.intp]) 
     return mean
 
 
-@compiled
 def varying(image: NDArray[Any]) -> Mask:
     """Return which A-scans of ``image`` (n, depth) are not constant, bool (n,)."""
-    varies = np.zeros(len(image), np.bool_)
-    for ascan in range(len(image)):
-        for row in range(1, image.shape[1]):
-            if image[ascan, row] != image[ascan, 0]:
-                varies[ascan] = True
-                break
-    return varies
+    return np.asarray((image[:, 1:] != image[:, :1]).any(axis=1))
+
+
+def rows_from(image: Image, first: NDArray[np.intp], n_rows: int) -> Image:
+    """Return ``n_rows`` samples of every A-scan of ``image`` (n, depth) from ``first`` (n,) on, NaN outside it."""
+    rows, last = first[:, None] + np.arange(n_rows), image.shape[1] - 1
+    taken = np.take_along_axis(image, rows.clip(0, last), axis=1)
+    return np.where((rows >= 0) & (rows <= last), taken, np.float32(np.nan))
 
 
 def logarithmic(image: NDArray[Any], intensity: str) -> NDArray[Any]:

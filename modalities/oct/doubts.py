@@ -12,10 +12,9 @@ from scipy.ndimage import label
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.circle import wrap_rad
-from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.calibration import OctCalibration, row_ranges
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.notes import row_ranges
 from endoct.modalities.oct.surface.background import Background
 from endoct.stitching.panorama import Panorama
 

@@ -10,16 +10,17 @@ from endoct.base.arrays import Coordinates
 from endoct.base.compute.memory import Computed, Kept
 from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.sine import Sine
+from endoct.base.numeric.least_squares import Sine, ransac_sine
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of
-from endoct.modalities.oct.calibration import OctCalibration, per_slice_values
-from endoct.modalities.oct.face.course import Course, measure_course
-from endoct.modalities.oct.face.faces import Faces, fit_sines, locate_faces
-from endoct.modalities.oct.face.glass import Glass, measure_glass
+from endoct.modalities.oct.calibration import OctCalibration, notes_on_survey, per_slice_values
+from endoct.modalities.oct.face.course import measure_course
+from endoct.modalities.oct.face.face_circle import Circle
+from endoct.modalities.oct.face.faces import Faces, locate_faces
+from endoct.modalities.oct.face.glass import measure_glass
+from endoct.modalities.oct.face.points import Points
 from endoct.modalities.oct.face.slices import SliceFeatures, examine_bscan
 from endoct.modalities.oct.manifest import OctAcquisition
-from endoct.modalities.oct.notes import notes_on_survey
 from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
@@ -54,7 +55,9 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
             if parameters.fixed_lines
             else partial(FixedLines.none, n_depth)
         )
-        lines, (course, sines) = at_once(seek_lines, partial(_course_and_sines, slices, faces, glass, parameters))
+        lines, (course, sines) = at_once(
+            seek_lines, lambda: (measure_course(slices, faces, glass), fit_sines(slices, faces, parameters))
+        )
         turns = nominal_turns(slices, faces)
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, glass, acquisition, parameters)
@@ -82,12 +85,6 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         background=background,
         raw_levels=raw_levels,
     )
-
-
-def _course_and_sines(
-    slices: Sequence[SliceFeatures], faces: Faces, glass: Glass, parameters: OctParameters
-) -> tuple[Course | None, tuple[Sine, ...]]:
-    return measure_course(slices, faces, glass), fit_sines(slices, faces, parameters)
 
 
 def _grid(row_z_mm: Coordinates, n_theta: int, acquisition: OctAcquisition) -> SurfaceGrid:
@@ -127,3 +124,39 @@ def _reject_empty(slices: Sequence[SliceFeatures]) -> None:
             expected="B-scans of a capillary in a bore",
             remedy="record or export it with a smaller gain",
         )
+
+
+def _sine_of_slice(points: Points, circle: Circle, index: int, parameters: OctParameters) -> Sine:
+    """Return the sine of one slice through its ``points`` near ``circle``; fewer than four leave the start value.
+
+    That is what ``parameters`` give, and the first order of the circle for the rest. A catheter off the axis by e in
+    the direction β sees the face as a circle. With ω = 1, A = e and φ = −β − π/2, the sine is its first order.
+    """
+    # by how much the circle's mean depth falls short of that of a catheter on the axis
+    second_order_mm = circle.offset_mm**2 / (4 * circle.radius_mm)
+    amplitude_mm, phase_rad = parameters.start_amplitude_mm, parameters.start_phase_rad
+    phase_rad = -circle.direction_rad - np.pi / 2 if phase_rad is None else phase_rad
+    start = Sine(
+        amplitude_mm=circle.offset_mm if amplitude_mm is None else amplitude_mm,
+        omega=1.0,
+        phase_rad=float(np.mod(phase_rad, 2 * np.pi)),
+        offset_mm=circle.axis_depth_mm + circle.radius_mm - second_order_mm,
+    )
+    near = points.where(np.abs(points.beyond_mm(circle)) < 2 * parameters.face_tolerance_mm)
+    if len(near) < 4:
+        return start
+    sine, _ = ransac_sine(
+        near.angle_rad,
+        near.depth_mm,
+        tolerance_mm=parameters.face_tolerance_mm + second_order_mm,
+        trials=parameters.ransac_trials,
+        rng=np.random.default_rng((parameters.seed, index)),
+        start=start,
+    )
+    return sine
+
+
+def fit_sines(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> tuple[Sine, ...]:
+    """Return the paper's sine of every slice; a bridged one gets the first order of its circle."""
+    shown = (Points.none() if bridged else slices[i].points for i, bridged in enumerate(faces.bridged))
+    return tuple(_sine_of_slice(points, faces.capillary.circle(i), i, parameters) for i, points in enumerate(shown))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,11 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
 from endoct.modalities.contract import FrameStream
+from endoct.modalities.oct.bscan import rows_from
 from endoct.modalities.oct.calibration import OctCalibration
 from endoct.modalities.oct.face.face_circle import circle_distance_mm
 from endoct.modalities.oct.surface.background import relative_power, spread_of_noise
+from endoct.modalities.oct.undistort import bend_rad
 from endoct.modalities.oct.unroll import BeamProfile, profile_beams
 from endoct.modalities.tube.locating import TubePose
 from endoct.modalities.tube.target import Target
@@ -29,6 +30,14 @@ NEAREST_GROOVES_MM = 0.15
 DEPTHS, AXIAL, HELICAL = range(3)
 WIDTHS = 0.7, 1.4
 """A measured width of a groove is believed between these parts of the stated one."""
+COLUMNS = np.dtype(
+    [
+        ("slice_index", np.intp), ("beam_rad", np.float64), ("gap_mm", np.float64), ("in_ring", np.bool_),
+        ("in_groove", np.bool_), ("line", np.intp), ("sector", np.intp), ("bend_rad", np.float64),
+    ]
+)  # fmt: skip
+Point = tuple[int, float, float, bool, bool, int, int, float]
+"""One point of :class:`Marks`, its values in the order of ``COLUMNS``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +109,7 @@ def examine_beams(stream: FrameStream, calibration: OctCalibration) -> Beams:
     def of_slice(index: int) -> tuple[Coordinates, Coordinates, Mask, Coordinates, Image]:
         profile = profile_beams(stream[index], calibration)
         beam = calibration.rotation.beam_rad(index, profile.angle_rad)
-        circle = calibration.capillary.circle(index)
-        bend = calibration.glass.bend_rad(np.asarray(circle.x_mm * np.sin(beam) - circle.y_mm * np.cos(beam)))
+        bend = bend_rad(calibration, index, beam)
         good = profile.trusted & profile.surface & (not calibration.bridged[index])
         around = _around(profile, calibration)
         return beam, profile.wall_mm - profile.face_mm, good, bend, around
@@ -127,23 +135,9 @@ def examine_beams(stream: FrameStream, calibration: OctCalibration) -> Beams:
 def _around(profile: BeamProfile, calibration: OctCalibration) -> Image:
     """Return the power of every beam about its wall, float32 (n_beams, n_samples); NaN beyond the recorded depths."""
     reach = math.ceil(AROUND_MM / calibration.mm_per_px)
-    rows = np.rint(profile.wall_mm / calibration.mm_per_px).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
-    level, background = profile.level, calibration.background
-    taken = np.take_along_axis(level, rows.clip(0, level.shape[1] - 1), axis=1)
-    power = relative_power(taken, background.noise, spread_of_noise(background))
-    return np.where((rows >= 0) & (rows < level.shape[1]), power, np.float32(np.nan))
-
-
-@dataclass(frozen=True)
-class _Point:
-    slice_index: int
-    beam_rad: float
-    gap_mm: float
-    in_ring: bool
-    in_groove: bool
-    line: int
-    sector: int
-    bend_rad: float
+    first, background = np.rint(profile.wall_mm / calibration.mm_per_px).astype(np.intp) - reach, calibration.background
+    around = rows_from(profile.level, first, 2 * reach + 1)
+    return relative_power(around, background.noise, spread_of_noise(background))
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +156,8 @@ class _Row:
     axial_mm: Coordinates
     helical_mm: Coordinates
 
-    def point(self, beam_rad: float, gap_mm: float, bend_rad: float, line: int, sector: int, groove: bool) -> _Point:
-        return _Point(self.index, beam_rad, gap_mm, self.in_ring, groove, line, sector, bend_rad)
+    def point(self, beam_rad: float, gap_mm: float, bend_rad: float, line: int, sector: int, groove: bool) -> Point:
+        return self.index, beam_rad, gap_mm, self.in_ring, groove, line, sector, bend_rad
 
 
 def find_marks(beams: Beams, pose: TubePose, target: Target) -> Marks:
@@ -171,7 +165,7 @@ def find_marks(beams: Beams, pose: TubePose, target: Target) -> Marks:
 
     Slices at the edge of a ring are left out: they may lie on either side of it.
     """
-    points: list[_Point] = []
+    points: list[Point] = []
     for row in _rows(beams, pose, target):
         points += [*_depths(row, target), *_middles(row, target)]
     return _marks(points, target)
@@ -206,14 +200,9 @@ def _rows(beams: Beams, pose: TubePose, target: Target) -> Iterator[_Row]:
         yield _Row(index, float(z_mm[index]), in_ring, beam, gap, bend, beams.good[index], opened, theta, *across)
 
 
-def _marks(points: Sequence[_Point], target: Target) -> Marks:
-    columns: dict[str, NDArray[Any]] = {
-        name: np.array([getattr(point, name) for point in points], kind)
-        for name, kind in (
-            ("slice_index", np.intp), ("beam_rad", np.float64), ("gap_mm", np.float64), ("in_ring", np.bool_),
-            ("in_groove", np.bool_), ("line", np.intp), ("sector", np.intp), ("bend_rad", np.float64),
-        )
-    }  # fmt: skip
+def _marks(points: Sequence[Point], target: Target) -> Marks:
+    table = np.array(points, COLUMNS)
+    columns = {name: table[name].copy() for name in COLUMNS.names or ()}
     relief = target.ring_depth_mm * columns["in_ring"] + target.groove_depth_mm * columns["in_groove"]
     return Marks(**columns, relief_mm=relief)
 
@@ -235,7 +224,7 @@ def _sectors(theta_rad: Coordinates) -> NDArray[np.intp]:
     return np.asarray(np.mod(theta_rad, 2 * np.pi) * (SECTORS / (2 * np.pi)), np.intp) % SECTORS
 
 
-def _depths(row: _Row, target: Target) -> Iterator[_Point]:
+def _depths(row: _Row, target: Target) -> Iterator[Point]:
     """Yield the median depth of each sector of the wall, and of both grooves' floors."""
     sector = _sectors(row.theta_rad)
     for which, in_groove in _places(row, target):
@@ -244,7 +233,7 @@ def _depths(row: _Row, target: Target) -> Iterator[_Point]:
         yield row.point(beam, gap, bend, DEPTHS, int(sector[which[which.size // 2]]), in_groove)
 
 
-def _middles(row: _Row, target: Target) -> list[_Point]:
+def _middles(row: _Row, target: Target) -> list[Point]:
     """Return the middles of both grooves, each by its edges at half its depth; none where either is not clear."""
     widths = target.groove_width_mm, target.helix_width_mm
     apart = target.radius_mm * abs(float(wrap_rad(target.helix_rad(np.array(row.z_mm)))))

@@ -76,7 +76,7 @@ def beam_of(
         return np.broadcast_to(nominal, depth.shape), depth
     # ripple and bend are smooth: over the few degrees that one θ spans along the radius they are those at the wall
     at_bore = _beams_at_bore(calibration, index, np.ravel(theta_rad))
-    turned = turned + _bend_rad(calibration, index, at_bore).reshape(np.shape(theta_rad))
+    turned = turned + bend_rad(calibration, index, at_bore).reshape(np.shape(theta_rad))
     face = calibration.capillary.circle(index)
     x = radius * np.cos(turned) - face.x_mm
     y = radius * np.sin(turned) - face.y_mm
@@ -112,7 +112,7 @@ def theta_at_radius(
         along = depth_at_radius_mm(calibration, index, nominal_rad, radius) - _depth_of_axis(calibration, index, beam)
         face = calibration.capillary.circle(index)
         turned = np.arctan2(face.y_mm + along * np.sin(beam), face.x_mm + along * np.cos(beam))
-        turned = turned - _bend_rad(calibration, index, beam)
+        turned = turned - bend_rad(calibration, index, beam)
     in_frame = turned + calibration.rotation.start_rad[index]
     return np.asarray(
         np.mod(calibration.acquisition.sense * in_frame + calibration.acquisition.theta_origin_rad, 2 * np.pi)
@@ -121,7 +121,8 @@ def theta_at_radius(
 
 def _in_slice_rad(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:
     """The angle of a panorama's θ in the frame of one slice."""
-    return np.asarray(calibration.rotation_of_theta(theta_rad) - calibration.rotation.start_rad[index])
+    from_origin_rad = calibration.acquisition.sense * (theta_rad - calibration.acquisition.theta_origin_rad)
+    return np.asarray(np.mod(from_origin_rad, 2 * np.pi) - calibration.rotation.start_rad[index])
 
 
 def _beams_at_bore(calibration: OctCalibration, index: int, theta_rad: Coordinates) -> Coordinates:
@@ -134,7 +135,7 @@ def _beams_at_bore(calibration: OctCalibration, index: int, theta_rad: Coordinat
     bend: Coordinates = np.zeros_like(turned)
     for _ in range(3 if calibration.glass.thickness_mm else 1):
         beam = np.arctan2(radius * np.sin(turned + bend) - face.y_mm, radius * np.cos(turned + bend) - face.x_mm)
-        bend = _bend_rad(calibration, index, beam)
+        bend = bend_rad(calibration, index, beam)
     return np.asarray(np.mod(beam, 2 * np.pi))
 
 
@@ -144,8 +145,8 @@ def _depth_of_axis(calibration: OctCalibration, index: int, beam_rad: Coordinate
     return np.asarray(faces.capillary.axis_depth_mm[index] + ripple_basis(beam_rad) @ faces.ripple_mm[index])
 
 
-def _bend_rad(calibration: OctCalibration, index: int, beam_rad: Coordinates) -> Coordinates:
-    """By how much the glass turns the beams at ``beam_rad``; 0 where the glass is not known."""
+def bend_rad(calibration: OctCalibration, index: int, beam_rad: Coordinates) -> Coordinates:
+    """Return by how much the glass turns the beams of a slice at ``beam_rad``, rad; 0 where the glass is not known."""
     face = calibration.capillary.circle(index)
     return calibration.glass.bend_rad(np.asarray(face.x_mm * np.sin(beam_rad) - face.y_mm * np.cos(beam_rad)))
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
 from endoct.modalities.oct.bscan import Spacing, logarithmic, reduced, varying
 from endoct.modalities.oct.calibration import OctCalibration
@@ -22,16 +21,9 @@ from endoct.modalities.oct.doubts import (
     doubts_of_surface,
     doubts_of_turns,
 )
-from endoct.modalities.oct.surface.background import (
-    Bridges,
-    bridge_ascan,
-    bridge_rows,
-    bridges_over,
-    with_lines_of,
-    without_lines,
-)
+from endoct.modalities.oct.surface.background import bridge_rows, with_lines_of, without_lines
 from endoct.modalities.oct.surface.trust import SecondLook, look_again, trusted, wall_sigmas
-from endoct.modalities.oct.surface.wall import first_edge, largest
+from endoct.modalities.oct.surface.wall import first_edge
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, face_depth_mm, radius_mm
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
@@ -100,8 +92,7 @@ def brightest(image: Image, first_row: NDArray[np.intp]) -> NDArray[np.intp]:
 
     Laves 2019, Extracting mastoid pattern, implemented literally.
     """
-    beyond = np.arange(image.shape[1]) >= first_row[:, None]
-    return np.asarray(np.argmax(np.where(beyond, image, -np.inf), axis=1))
+    return np.asarray(np.argmax(_beyond(image, first_row), axis=1))
 
 
 def maximum_intensity(samples: NDArray[Any], first_row: NDArray[np.intp], lines: Mask) -> Image:
@@ -110,20 +101,13 @@ def maximum_intensity(samples: NDArray[Any], first_row: NDArray[np.intp], lines:
     The rows ``lines``, bool (depth,), are interpolated from their neighbours. Laves 2019, Extracting mastoid pattern:
     crop, then maximum intensity projection along depth.
     """
-    return _maxima(samples, first_row, bridges_over(lines))
+    image, nearest = bridge_rows(np.asarray(samples, np.float32), lines), int(first_row.min())
+    return np.asarray(np.fmax.reduce(_beyond(image[:, nearest:], first_row - nearest), axis=1), np.float32)
 
 
-@compiled
-def _maxima(samples: NDArray[Any], first_row: NDArray[np.intp], bridges: Bridges) -> Image:
-    n_ascans, n_depth = samples.shape
-    maxima = np.empty(n_ascans, np.float32)
-    ascan = np.empty(n_depth, np.float32)
-    for i in range(n_ascans):
-        for row in range(n_depth):
-            ascan[row] = np.float32(samples[i, row])
-        bridge_ascan(ascan, bridges)
-        maxima[i] = largest(ascan[first_row[i] :])
-    return maxima
+def _beyond(image: Image, first_row: NDArray[np.intp]) -> Image:
+    """``image`` (n, depth) with −∞ before ``first_row`` (n,)."""
+    return np.where(np.arange(image.shape[1]) >= first_row[:, None], image, np.float32(-np.inf))
 
 
 def unroll_bscan(frame: Frame, calibration: OctCalibration) -> Strip:

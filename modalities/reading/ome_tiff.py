@@ -21,7 +21,7 @@ import numpy as np
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
-from endoct.base.files.xml_tree import MOST_BYTES, local_name, read_xml
+from endoct.base.files.json_values import MOST_BYTES, local_name, read_xml
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units
@@ -50,7 +50,8 @@ def _open(files: Files) -> Frames:
         planes, on_planes = _planes(path, root, pixels, n_pages)
         along, on_places = _along(pixels, len(planes))
         remarks = _steps(pixels).remarks + on_planes + on_places
-    return Frames(len(planes), replace(read, order=planes, pixel_aspect=_pixel_aspect(pixels)), along, remarks)
+    x, y = _length_mm(pixels, "X"), _length_mm(pixels, "Y")
+    return Frames(len(planes), replace(read, order=planes, pixel_aspect=x / y if x and y else 1.0), along, remarks)
 
 
 def _states(files: Files) -> Stated:
@@ -151,12 +152,6 @@ def _along(pixels: Element, n_frames: int) -> tuple[Along | None, Remarks]:
         unit: Literal["", "mm", "s"] = "" if factor is None else "mm" if units is MM else "s"
         return Along(along, unit, f"{name} in the OME-XML", within=JITTER), NONE
     return None, NONE
-
-
-def _pixel_aspect(pixels: Element) -> float:
-    """Return how many times as wide as high a pixel is by its physical size, 1 where that is not said."""
-    x, y = _length_mm(pixels, "X"), _length_mm(pixels, "Y")
-    return x / y if x and y else 1.0
 
 
 def _length_mm(pixels: Element, axis: str) -> float | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import entries, exists, is_folder, open_regular, state_of
 from endoct.modalities.reading.arrays_on_disk import NPY
-from endoct.modalities.reading.dicom_pictures import PICTURES
+from endoct.modalities.reading.dicom_recording import PICTURES
 from endoct.modalities.reading.format import Files, Format, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.images import ReadImages, read_single

@@ -45,8 +45,8 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.thorlabs_depth import alike
 from endoct.modalities.reading.thorlabs_file import NAME, AScans, BScan, Container, is_thorlabs, open_container
+from endoct.modalities.reading.thorlabs_header import alike
 
 LEAST_DB = -100.0
 """Samples made of complex ones, which may be 0, are no darker than this."""

@@ -15,8 +15,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size, read_start, state_of
 from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_members, read_member
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
-from endoct.modalities.reading.thorlabs_depth import axial_pixel_mm
-from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, read_header, regions_of
+from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, axial_pixel_mm, read_header, regions_of
 
 Kind = Literal["raw", "real", "complex"]
 NAME = "a Thorlabs OCT file (ThorImage)"

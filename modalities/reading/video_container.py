@@ -43,11 +43,6 @@ class FilePart:
 Source = Path | FilePart
 
 
-def size_of_source(source: Source) -> int:
-    """Return how many bytes there are."""
-    return sum(length for _, length in source.pieces) if isinstance(source, FilePart) else source.stat().st_size
-
-
 @contextmanager
 def opened_bytes(source: Source) -> Iterator[BinaryIO]:
     """Open a file, or a part of one, to read. Raises what :func:`~endoct.base.files.files.open_regular` does."""
@@ -192,7 +187,7 @@ def cause_of_video(error: Exception) -> str:
 
 def is_cut_off(path: Source) -> bool | None:
     """Say whether a file ends before the end that its container states; None where that states none."""
-    size = size_of_source(path)
+    size = sum(length for _, length in path.pieces) if isinstance(path, FilePart) else path.stat().st_size
     with opened_bytes(path) as file:
         start = file.read(4)
         if start == b"RIFF":

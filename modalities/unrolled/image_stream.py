@@ -113,7 +113,9 @@ class UnrolledImage:
         a = self.acquisition
         positions = a.positions_mm
         if a.z_column_mm is not None:
-            positions = tuple((a.z_column_mm * self._cropped_z()).tolist())
+            z = self._planes[0].z
+            z = np.zeros(0) if z is None else z[self._span("rows", z.size)]
+            positions = tuple((a.z_column_mm * z).tolist())
         travel = a.travel
         z_mm = inward_positions_mm(len(self), pitch_mm=a.row_pitch_mm or 0.0, travel=travel, positions_mm=positions)
         if np.unique(z_mm).size != z_mm.size:
@@ -160,10 +162,6 @@ class UnrolledImage:
     def _picture(self) -> NDArray[Any]:
         picture = self._planes[0].picture
         return picture[self._span("rows", picture.shape[0]), self._span("columns", picture.shape[1])]
-
-    def _cropped_z(self) -> Coordinates:
-        z = self._planes[0].z
-        return np.zeros(0) if z is None else z[self._span("rows", z.size)]
 
     def _span(self, key: Literal["rows", "columns"], n: int) -> slice:
         span: tuple[int, int] | None = getattr(self.acquisition, key)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,9 +10,8 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream, Modality, Picture, Sniff
-from endoct.modalities.unrolled.image_stream import MOST_STEP, UnrolledImage, open_image, sniff_image, step_over_seam
+from endoct.modalities.contract import Frame, FrameStream, Modality, Picture
+from endoct.modalities.unrolled.image_stream import MOST_STEP, open_image, sniff_image, step_over_seam
 from endoct.modalities.unrolled.manifest import UnrolledAcquisition
 from endoct.modalities.unrolled.sines import Sines, UnrolledParameters, about_axis, fit_sines
 from endoct.stitching.grid import SurfaceGrid
@@ -60,14 +58,8 @@ class Unrolled:
     """The implementation of the modality; it has no state."""
 
     parameters = UnrolledParameters
-
-    def sniff(self, path: Path) -> Sniff:
-        """Say whether ``path`` holds an image that looks unrolled, or its sidecar says so."""
-        return sniff_image(path)
-
-    def open(self, path: Path, acquisition: Acquisition) -> UnrolledImage:
-        """Open what the sidecar names. Raises :class:`EndoctError` where it is unusable."""
-        return open_image(path, acquisition)
+    sniff = staticmethod(sniff_image)
+    open = staticmethod(open_image)
 
     def survey(self, stream: FrameStream, parameters: UnrolledParameters) -> UnrolledCalibration:
         """Lay the grid through the rows, and find the sine of every turn of a depth that is not centred."""

@@ -17,7 +17,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.memory import Kept
 from endoct.base.compute.parallel import thread_map
 from endoct.base.numeric.circle import gaussian, wrap_rad
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.stitching.motion.warp import Motion, Texture, refine_motion
 
 FEWEST_FOR_FIXED_PATTERN = 8
@@ -176,7 +176,10 @@ class Matcher:
         self.n_rows, self.n_theta = textures[0][0].shape
         self.dz_mm = dz_mm
         self.length = fft.next_fast_len(2 * self.n_rows, real=False)
-        self._spectrum, self._texture = lru_cache(LATEST)(self._transformed), lru_cache(LATEST)(textures.__getitem__)
+        self._spectrum, self._texture = (
+            lru_cache(LATEST)(lambda k: np.asarray(fft.rfft2(textures[k][0], s=(self.length, self.n_theta)))),
+            lru_cache(LATEST)(textures.__getitem__),
+        )
         self.reach_rows = max(2, round(PEAK_MM / dz_mm))
         self.reach_columns = max(2, min(self.n_theta // 4, round(PEAK_MM / radius_mm / (2 * np.pi) * self.n_theta)))
 
@@ -259,9 +262,6 @@ class Matcher:
             correlation=float(plane[row, column]),
             ratio=float(score[row, column]) / second,
         )
-
-    def _transformed(self, k: int) -> np.ndarray:
-        return np.asarray(fft.rfft2(self.textures[k][0], s=(self.length, self.n_theta)))
 
     def _energies(self, a: int, b: int, shifts: np.ndarray) -> Coordinates:
         """Energy of both strips' rows that overlap at each shift (row of a minus row of b), multiplied."""

@@ -20,7 +20,6 @@ from endoct.base.compute.parallel import thread_map
 from endoct.synthetic.bone.cavities import Indices, Near, air_mm, cavities, covers, near
 from endoct.synthetic.bone.field import EDGE_MM, STEEPEST, Field, joined_with_bore
 from endoct.synthetic.bone.rays import BLOCK, fan, first_fluid, first_solid, patch, radial
-from endoct.synthetic.bone.relief import WallGrid
 from endoct.synthetic.bone.scene import Scene, build_scene
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Cell, Sample
@@ -36,12 +35,6 @@ Traced = tuple[NDArray[np.intp], tuple[Image, Mask, NDArray[np.int32], Image]]
 """The nodes of a job, and there the relief, whether the wall is missing, the open cell, and wet."""
 TracedElsewhere = Sequence[Callable[[], list[Traced]]]
 """Each returns what :func:`part_of_wall` makes of part 0, 1, … of as many, once another process has made it."""
-
-
-def _blocks_of_wall(grid: WallGrid) -> list[NDArray[np.intp]]:
-    """Return the nodes of a wall in blocks to trace together."""
-    every = np.arange(grid.n_z * grid.n_theta)
-    return [every[first : first + BLOCK] for first in range(0, every.size, BLOCK)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +137,8 @@ def _part(jobs: list[Job], part: int, parts: int) -> list[Job]:
 def _jobs(scene: Scene, cells: Sequence[Cell], workers: int) -> list[Job]:
     """Return all nodes to trace, in jobs that do not depend on who does them."""
     if scene.field is not None:
-        return [(nodes, np.zeros((1, 0), np.int64)) for nodes in _blocks_of_wall(scene.grid)]
+        every = np.arange(scene.grid.n_z * scene.grid.n_theta)
+        return [(every[k : k + BLOCK], np.zeros((1, 0), np.int64)) for k in range(0, every.size, BLOCK)]
     reached = list(thread_map(partial(_reached, scene, cells), range(len(cells)), workers))
     count = np.zeros(scene.grid.n_z * scene.grid.n_theta, np.uint8)
     for nodes in reached:

@@ -12,7 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import axes_at
 from endoct.synthetic.bone.lattice import Lattice, resampled, trilinear
 from endoct.synthetic.bone.network import air_on
-from endoct.synthetic.bone.patient import Bone, bone_around, bore_to_lps, check_bone_share
+from endoct.synthetic.bone.patient import bone_around, bore_to_lps, check_bone_share
 from endoct.synthetic.elementary import Numbers
 from endoct.synthetic.sample.parameters import Sample, Volume
 from endoct.synthetic.sample.randomness import Stage, generator
@@ -121,17 +121,14 @@ def build_field(sample: Sample) -> Field:
     if network is not None:
         detail = network.detail_mm
     if volume is not None:
-        step, detail = _finer_than(bone_around(volume, REACH_MM)), volume.detail_mm
+        finest = bone_around(volume, REACH_MM).lattice.spacing_mm.min() / 2
+        step, detail = float(np.clip(finest, *VOLUME_STEPS_MM)), volume.detail_mm
     lattice = Lattice.around_bore(sample.bore.length_mm, REACH_MM, step)
     clearance, cell = air_in_bone(sample, lattice, REACH_MM)
     field = _filled(sample, lattice, step, clearance, cell, detail)
     if volume is not None:
         check_bone_share(_bone_share(sample, field), volume)
     return field
-
-
-def _finer_than(bone: Bone) -> float:
-    return float(np.clip(bone.lattice.spacing_mm.min() / 2, *VOLUME_STEPS_MM))
 
 
 def air_in_bone(sample: Sample, lattice: Lattice, reach_mm: float) -> tuple[Image, NDArray[np.int32]]:

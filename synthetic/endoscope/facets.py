@@ -283,6 +283,7 @@ def facets_of(wall: WallMaps) -> Facets:
     slope_z[aside], slope_theta[aside] = scale * full[0], scale * full[1]
     relief[aside] += to_level
     radius = relief + np.float32(grid.radius_mm)
+    albedo = cv2.resize(wall.albedo, grid.relief_mm.shape[::-1], interpolation=cv2.INTER_AREA)  # about each sample
     return Facets(
         grid=grid,
         z_mm=z_mm,
@@ -290,7 +291,7 @@ def facets_of(wall: WallMaps) -> Facets:
         radius_mm=radius,
         slope_z=slope_z,
         slope_theta=slope_theta,
-        albedo=_albedo(wall, grid)[row, column],
+        albedo=np.asarray(albedo, np.float32)[row, column],
         seen=seen_facets(grid, (*starts, radius), (slope_z, slope_theta)),
     )
 
@@ -332,9 +333,3 @@ def _listed(grid: FacetGrid) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArra
     rank = np.arange(sample.size) - first[sample]
     row, column = np.divmod(sample, grid.relief_mm.shape[1])
     return row, column, np.where(rank > 0, rank - 1 + grid.lowest.ravel()[sample], -1)
-
-
-def _albedo(wall: WallMaps, grid: FacetGrid) -> Image:
-    """Return the mean albedo about each sample."""
-    n_z, n_theta = grid.relief_mm.shape
-    return np.asarray(cv2.resize(wall.albedo, (n_theta, n_z), interpolation=cv2.INTER_AREA), dtype=np.float32)

@@ -100,7 +100,8 @@ def light(frame: FrameView, lit: LitSurface, pixels: View, hits: Hits) -> Image:
     lobe *= np.float32(0.5 / camera.gloss_rad**2)
     glossy = gloss * arriving * exp(lobe)
 
-    through = _vignetting(camera, pixels)
+    outwards = pixels.r_px * np.float32(1 / camera.outer_px)
+    through = 1 - np.float32(camera.vignetting) * outwards * outwards
     from_ring = (pixels.r_px - np.float32(camera.ring_px)) * np.float32(1 / RING_SIGMA_PX)
     added = np.float32(camera.ring_gain) * exp(np.float32(-0.5) * from_ring * from_ring)
     added += _droplet_shine(camera, pixels)
@@ -137,12 +138,6 @@ def transmission(camera: Endoscope, pixels: View) -> Image:
         )
         kept[rows, columns] *= 1 - np.float32(speck.loss) * down[:, None] * across
     return kept.ravel().take(pixels.place)
-
-
-def _vignetting(camera: Endoscope, pixels: View) -> Image:
-    """Return what the lens lets through: all in the middle of the image, least at the annulus' outer rim."""
-    outwards = pixels.r_px * np.float32(1 / camera.outer_px)
-    return 1 - np.float32(camera.vignetting) * outwards * outwards
 
 
 def _droplet_shine(camera: Endoscope, pixels: View) -> Image:

@@ -255,15 +255,10 @@ def rayleigh_mm(oct_: Oct) -> float:
     return math.pi * oct_.lateral_resolution_mm**2 / math.log(2) / oct_.wavelength_mm
 
 
-def widening(oct_: Oct, path_mm: Coordinates) -> Coordinates:
-    """Return how much wider the beam is at ``path_mm`` than at its focus."""
-    wider: Coordinates = 1 + ((path_mm - oct_.focus_mm) / rayleigh_mm(oct_)) ** 2
-    return wider**0.5
-
-
 def spot_sigma_mm(oct_: Oct, path_mm: Coordinates) -> Coordinates:
     """Return the standard deviation of the field that scatterers are weighted with: √2 of that of its square."""
-    sigma: Coordinates = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM * widening(oct_, path_mm)
+    wider = (1 + ((path_mm - oct_.focus_mm) / rayleigh_mm(oct_)) ** 2) ** 0.5
+    sigma: Coordinates = math.sqrt(2) * oct_.lateral_resolution_mm / FWHM * wider
     return sigma
 
 

@@ -122,7 +122,11 @@ def nodes(sweep: Sweep, places: Lattice) -> Nodes:
     number = np.arange(math.floor(low) - 1, math.ceil(high) + 2)
     columns = np.arange(theta.size, dtype=np.float64)
     sense = 1 if theta[-1] > theta[0] else -1
-    column = np.interp(sense * number * places.node_rad, *_rising(sense * theta, columns))
+    turned = sense * theta
+    rising = np.flatnonzero(
+        turned >= np.maximum.accumulate(turned)
+    )  # there the catheter had turned farther than before
+    column = np.interp(sense * number * places.node_rad, turned[rising], columns[rising])
     before = np.minimum(column.astype(np.intp), theta.size - 2)
     near, part = np.rint(column).astype(np.intp), column - before
 
@@ -139,12 +143,6 @@ def nodes(sweep: Sweep, places: Lattice) -> Nodes:
         beyond_mm=between(echoes.beyond_mm),
         slant_rad=np.interp(column, columns, echoes.slant_rad),
     )
-
-
-def _rising(theta: Coordinates, columns: Coordinates) -> tuple[Coordinates, Coordinates]:
-    """Return θ and number of the columns at which the catheter had turned farther than before."""
-    new = np.flatnonzero(theta >= np.maximum.accumulate(theta))
-    return theta[new], columns[new]
 
 
 def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.intp]) -> Image:
@@ -170,7 +168,9 @@ def along_beams(sweep: Sweep, places: Lattice, passed: Nodes, bins: NDArray[np.i
     least = int(shift.min())
     wider = np.arange(passed.number[0] + least, passed.number[-1] + int(shift.max()) + 1)
     z_mm = np.interp(wider, passed.number, passed.z_mm)
-    stack = _across_layers(places, wider, z_mm, _sigma_across_mm(sweep), rings)
+    usual_path_mm = np.nanmedian(sweep.echoes.wall_path_mm, keepdims=True)
+    sigma_mm = float(spot_sigma_mm(sweep.oct_, usual_path_mm)[0])  # across the turn, at the depth of most of the wall
+    stack = _across_layers(places, wider, z_mm, sigma_mm, rings)
     stack *= _carrier(sweep, places, wider)
     image = np.ascontiguousarray(stack.T).view(np.float32).reshape(wider.size, len(rings), 2)
     ring -= rings.start
@@ -196,12 +196,6 @@ def _amplitude(density: BoneDensity, places: Lattice, passed: Nodes, outward: Nu
     z = np.broadcast_to(passed.z_mm.astype(np.float32)[:, None], x.shape)
     amplitude = np.sqrt(density.backscatter(x, y, z))
     return np.asarray(cv2.resize(amplitude, (n, amplitude.shape[0]), interpolation=cv2.INTER_LINEAR), np.float32)
-
-
-def _sigma_across_mm(sweep: Sweep) -> float:
-    """Return the width of the spot across the turn, taken at the depth of most of the wall."""
-    usual = np.nanmedian(sweep.echoes.wall_path_mm, keepdims=True)
-    return float(spot_sigma_mm(sweep.oct_, usual)[0])
 
 
 def _carrier(sweep: Sweep, places: Lattice, number: NDArray[np.intp]) -> NDArray[np.complex64]:

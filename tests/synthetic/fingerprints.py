@@ -19,7 +19,7 @@ from endoct.synthetic.model import Model, build_model
 from endoct.synthetic.oct import bscan
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import Range
-from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar, spectra_sidecar, tube_file
+from endoct.synthetic.specimen_files import endoscope_sidecar, oct_sidecar, spectra_sidecar, tube_file
 from endoct.synthetic.truth import recording
 
 FILE = Path(__file__).with_suffix(".json")

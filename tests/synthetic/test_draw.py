@@ -8,7 +8,7 @@ from endoct.synthetic.draw import STICK_ORDERS, draw, rotation_error
 from endoct.synthetic.sample.parameters import Bore, Endoscope, Oct, Sample
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.synthetic.sample.ranges import PARTS, allowed_range, choices, default_ranges
-from endoct.synthetic.sidecars import endoscope_sidecar, oct_sidecar
+from endoct.synthetic.specimen_files import endoscope_sidecar, oct_sidecar
 from tests.synthetic.fingerprints import changed
 
 SEEDS = range(8)

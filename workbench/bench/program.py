@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.compute.process_group import process_group
+from endoct.base.compute.worker_process import process_group
 from endoct.base.errors import EndoctError, cause_of
 from endoct.base.files.files import open_regular
 from endoct.base.files.json_values import read_object

@@ -24,7 +24,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Literal
 
-from endoct.base.compute.process_group import process_group
+from endoct.base.compute.worker_process import process_group
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import path_text
 from endoct.base.files.json_values import read_object

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from endoct.base.compute.process_group import process_group
-from endoct.base.compute.worker_process import worker_process
+from endoct.base.compute.worker_process import process_group, worker_process
 from endoct.base.errors import EndoctError
 from endoct.workbench.running.scheduler import one_blas_thread
 

@@ -8,7 +8,7 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.peaks import vertex_in_loops
+from endoct.base.numeric.least_squares import vertex_in_loops
 from endoct.base.numeric.ranks import median
 from endoct.modalities.endoscope.mirror.rings import (
     FEWEST_POINTS,
@@ -59,6 +59,11 @@ class Annulus:
     outer_y_px: float
     outer_px: float
     pixels: float = 1.0
+
+    @classmethod
+    def of(cls, inner: Ring, outer: Ring) -> "Annulus":
+        """Return the annulus between two circles."""
+        return cls(*inner.circle, *outer.circle)
 
     def columns(self, x_px: Coordinates | np.float64) -> Coordinates:
         """Return the columns of the image that lie at ``x_px`` in square pixels (any shape)."""
@@ -124,8 +129,8 @@ def find_outer_rims(image: Image) -> list[Ring]:
             expected="a bright ring on dark ground",
             remedy="check the light and the exposure",
         )
-    outers = [ring for ring in find_rings(image, rising=False, count=3) if _support(ring) >= LEAST_SUPPORT]
-    return sorted(outers, key=lambda ring: -_support(ring) * ring.radius_px)
+    outers = [ring for ring in find_rings(image, rising=False, count=3) if ring.support >= LEAST_SUPPORT]
+    return sorted(outers, key=lambda ring: -ring.support * ring.radius_px)
 
 
 def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
@@ -137,17 +142,10 @@ def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
     """
     outers = find_outer_rims(image) if outers is None else outers
     # a specular ring on the mirror is brighter than the rim next to it and hides it
-    inners = [
-        ring
-        for candidates in (
-            find_rings(without_thin_lines(image), rising=True, count=6),
-            find_rings(image, rising=True, count=6),
-        )
-        for ring in candidates
-        if _support(ring) >= FAINTEST_SUPPORT
-    ]
+    edges = (find_rings(one, rising=True, count=6) for one in (without_thin_lines(image), image))
+    inners = [ring for of_image in edges for ring in of_image if ring.support >= FAINTEST_SUPPORT]
     # light that falls off towards the inner rim leaves it little contrast
-    clear = [ring for ring in inners if _support(ring) >= LEAST_SUPPORT] or inners
+    clear = [ring for ring in inners if ring.support >= LEAST_SUPPORT] or inners
     for outer in outers:
         fitting = [ring for ring in clear if _nested(ring, outer)]
         if fitting:
@@ -155,9 +153,7 @@ def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
             faint = _clearest([ring for ring in inners if _nested(ring, outer)])
             fitting = next((kept for of in (fitting, faint) if (kept := [r for r in of if _lasts(image, r)])), fitting)
             inner = max(_clearest(fitting), key=lambda ring: ring.radius_px)
-            return follow(
-                image, Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px)
-            ).annulus
+            return follow(image, Annulus.of(inner, outer)).annulus
     raise NotSeen(
         "no annulus in the frames",
         found=f"{len(outers)} bright disc{'' if len(outers) == 1 else 's'}, none of them with a dark one inside",
@@ -168,20 +164,16 @@ def find_annulus(image: Image, outers: Sequence[Ring] | None = None) -> Annulus:
 
 def _clearest(rings: Sequence[Ring]) -> list[Ring]:
     """Return the rings with at least half of the best support among them."""
-    most = max(map(_support, rings), default=0.0)
-    return [ring for ring in rings if _support(ring) >= 0.5 * most]
+    most = max((ring.support for ring in rings), default=0.0)
+    return [ring for ring in rings if ring.support >= 0.5 * most]
 
 
 def _lasts(image: Image, ring: Ring) -> bool:
     return lasting_contrast(image, ring) >= LEAST_LASTING * ring.contrast
 
 
-def _support(ring: Ring) -> float:
-    return ring.contrast * ring.coverage
-
-
 def _nested(inner: Ring, outer: Ring) -> bool:
-    apart = float(np.hypot(inner.x_px - outer.x_px, inner.y_px - outer.y_px))
+    apart = inner.apart_px(outer)
     return (
         SMALLEST_RADIUS_RATIO * outer.radius_px <= inner.radius_px <= LARGEST_RADIUS_RATIO * outer.radius_px
         and apart <= FARTHEST_CENTRES * outer.radius_px
@@ -217,7 +209,7 @@ def follow(image: Image, near: Annulus, handle: Ring | None = None) -> Followed:
 
 def locate_outer_rim(image: Image, near: Ring) -> tuple[Ring, float]:
     """Return the outer rim in one grey image and its support, starting ``near`` where it was found before."""
-    about = Annulus(near.x_px, near.y_px, near.radius_px / 2, near.x_px, near.y_px, near.radius_px)
+    about = Annulus.of(replace(near, radius_px=near.radius_px / 2), near)
     look = _Look.at(image)
     located = _rim(look, near, about, NEAR_REACHES)
     if located[1] >= 2 * LEAST_SUPPORT:
@@ -251,10 +243,7 @@ def _measure(looks: tuple[_Look, _Look], near: Annulus, reaches: tuple[float, ..
     if of_inner < LEAST_SUPPORT:  # a thin line may be all there is of the inner rim
         inner, of_inner = max((inner, of_inner), _rim(whole, near.rings[0], near, reaches), key=lambda one: one[1])
     outer, of_outer = _rim(whole, near.rings[1], near, reaches)
-    return Followed(
-        Annulus(inner.x_px, inner.y_px, inner.radius_px, outer.x_px, outer.y_px, outer.radius_px),
-        min(of_inner, of_outer),
-    )
+    return Followed(Annulus.of(inner, outer), min(of_inner, of_outer))
 
 
 def _rim(look: _Look, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> tuple[Ring, float]:
@@ -263,11 +252,10 @@ def _rim(look: _Look, rim: Ring, near: Annulus, reaches: tuple[float, ...]) -> t
         reach_px = min(max(2.0, reach * near.outer_px), 0.9 * rim.radius_px)
         x, y = edge_points(look.image, rim, reach_px)
         if x.size >= FEWEST_POINTS:
-            fit = Ring(*fit_circle(x, y, (rim.x_px, rim.y_px, rim.radius_px)), rising=rim.rising)
-            away = np.hypot(fit.x_px - rim.x_px, fit.y_px - rim.y_px), abs(fit.radius_px - rim.radius_px)
+            fit = Ring(*fit_circle(x, y, rim.circle), rising=rim.rising)
             # the circle through edges that lie all over the place is not to be followed
-            rim = fit if max(away) <= 2 * reach_px and fit.radius_px > 2 else rim
-    return rim, _support(describe(look.image, look.dark, rim))
+            rim = fit if fit.differs_px(rim) <= 2 * reach_px and fit.radius_px > 2 else rim
+    return rim, describe(look.image, look.dark, rim).support
 
 
 def edge_points(image: Image, ring: Ring, reach_px: float) -> tuple[Coordinates, Coordinates]:

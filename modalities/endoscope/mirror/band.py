@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.memory import Room
 from endoct.base.errors import EndoctError
@@ -101,13 +101,6 @@ def _around(centre: Coordinates, direction: Coordinates, r_px: Coordinates, plac
     for i in range(r_px.size):
         for j in range(direction.size):
             places[i, j] = centre[i] + r_px[i] * direction[j]
-
-
-def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
-    """Return ``image`` bilinearly at fractional places, and which of them lie inside it."""
-    inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
-    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(samples, dtype=np.float32), inside
 
 
 def recentred(logs: NDArray[np.float16], old: Circles, new: Circles) -> NDArray[np.float16]:

@@ -86,15 +86,12 @@ def inner_rim_of(moving: Movement) -> Ring | None:
     outer = moving.outer
     inside = [ring for ring in find_rings(moving.above_noise, rising=True, count=4) if _inside(ring, outer)]
     # a saturated reflection stands still in the midst of the wall; but nothing moves inside the rim
-    most = max(map(_support, inside), default=0.0)
-    innermost = min(
-        (ring for ring in inside if _support(ring) >= NEARLY * most), key=lambda r: r.radius_px, default=None
-    )
-    rim = _clearest(moving, [innermost] if innermost else [])
+    most = max((ring.support for ring in inside), default=0.0)
+    clear = sorted((ring for ring in inside if ring.support >= NEARLY * most), key=lambda ring: ring.radius_px)
+    rim = _clearest(moving, clear[:1])
     if rim is None:
         return None
-    ring = Annulus(rim.x_px, rim.y_px, rim.radius_px, outer.x_px, outer.y_px, outer.radius_px)
-    return rim if max(movement_in_thirds(moving, ring)) >= NOISE_SHARE * moving.noise else None
+    return rim if max(movement_in_thirds(moving, Annulus.of(rim, outer))) >= NOISE_SHARE * moving.noise else None
 
 
 def outer_rim_of(moving: Movement, inner: Ring) -> Ring | None:
@@ -105,44 +102,40 @@ def outer_rim_of(moving: Movement, inner: Ring) -> Ring | None:
 
 def _clearest(moving: Movement, rings: Sequence[Ring]) -> Ring | None:
     """Return the circle of the clearest edge, put where that is steepest, or None where none is clear."""
-    best = max(rings, key=_support, default=None)
-    if best is None or _support(best) < CLEAR_RIM:
+    best = max(rings, key=lambda ring: ring.support, default=None)
+    if best is None or best.support < CLEAR_RIM:
         return None
     reach_px = max(2.0, REFINED * moving.outer.radius_px)
     x, y = edge_points(moving.above_noise, best, reach_px)
-    fit = Ring(*fit_circle(x, y, (best.x_px, best.y_px, best.radius_px)), best.rising)
-    off_px = max(np.hypot(fit.x_px - best.x_px, fit.y_px - best.y_px), abs(fit.radius_px - best.radius_px))
-    return fit if off_px <= 2 * reach_px else best
+    fit = Ring(*fit_circle(x, y, best.circle), best.rising)
+    return fit if fit.differs_px(best) <= 2 * reach_px else best
 
 
 def movement_in_thirds(moving: Movement, annulus: Annulus) -> tuple[float, float, float]:
     """Return the median movement in the inner, the middle and the outer third of the ring."""
     low_px, high_px = annulus.inner_px, annulus.outer_px
-    inner, middle, outer = (_between(moving, annulus, low_px, high_px, k) for k in range(3))
-    return inner, middle, outer
+
+    def of_third(k: int) -> float:
+        radii: Coordinates = low_px + (high_px - low_px) * (k + np.linspace(0.05, 0.95, 24)) / 3
+        x, y = (float(c[0]) for c in annulus.centre_at(radii[[radii.size // 2]]))
+        return _median_along(moving, x, y, radii)
+
+    return of_third(0), of_third(1), of_third(2)
 
 
 def movement_within(moving: Movement, annulus: Annulus) -> float:
     """Return the median movement well inside the inner rim: between 0.4 and 0.9 of its radius."""
     rim = annulus.rings[0]
-    profile, seen = rays(moving.light, rim.x_px, rim.y_px, rim.radius_px * np.linspace(0.4, 0.9, 24))
-    return float(np.median(profile[seen])) if seen.any() else 0.0
+    return _median_along(moving, rim.x_px, rim.y_px, rim.radius_px * np.linspace(0.4, 0.9, 24))
 
 
-def _between(moving: Movement, annulus: Annulus, low_px: float, high_px: float, third: int) -> float:
-    radii: Coordinates = low_px + (high_px - low_px) * (third + np.linspace(0.05, 0.95, 24)) / 3
-    x, y = (float(c[0]) for c in annulus.centre_at(radii[[radii.size // 2]]))
-    profile, seen = rays(moving.light, x, y, radii)
+def _median_along(moving: Movement, x_px: float, y_px: float, radii_px: Coordinates) -> float:
+    profile, seen = rays(moving.light, x_px, y_px, radii_px)
     return float(np.median(profile[seen])) if seen.any() else 0.0
 
 
 def _inside(ring: Ring, outer: Ring) -> bool:
-    apart = float(np.hypot(ring.x_px - outer.x_px, ring.y_px - outer.y_px))
-    return apart + ring.radius_px < 0.9 * outer.radius_px
-
-
-def _support(ring: Ring) -> float:
-    return ring.contrast * ring.coverage
+    return ring.apart_px(outer) + ring.radius_px < 0.9 * outer.radius_px
 
 
 def _medians(images: Image) -> Image:

@@ -135,12 +135,8 @@ def squared(image: Image, pixels: float) -> Image:
     # pixel centres are at integers in both
     shift = np.array([[pixels, 0, 0.5 * pixels - 0.5], [0, 1, 0]])
     size = max(1, round(image.shape[1] / pixels)), image.shape[0]
-    return np.asarray(
-        cv2.warpAffine(
-            image, shift, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-        ),
-        np.float32,
-    )
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(image, shift, size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
 
 def _of_image(image: Image, outer: Ring) -> tuple[float, float] | None:
@@ -213,10 +209,9 @@ def find_ring(images: Sequence[Image]) -> FoundRing:
     limit = outer_rim_of(moving, inner)
     if limit is None or limit.radius_px < (1 + SAME_RIM) * handle.radius_px:
         limit = handle  # where nothing moves inside the rim, the bore may be at its end
-    if by_light and limit is handle and _same(by_light.rings[0], inner, outer):
+    if by_light and limit is handle and by_light.rings[0].differs_px(inner) <= SAME_RIM * outer.radius_px:
         return FoundRing(by_light, None, moving, inner, roundness, corrected)
-    found = Annulus(inner.x_px, inner.y_px, inner.radius_px, limit.x_px, limit.y_px, limit.radius_px)
-    return FoundRing(found, handle, moving, inner, roundness, corrected)
+    return FoundRing(Annulus.of(inner, limit), handle, moving, inner, roundness, corrected)
 
 
 def _by_light(mean: Image, outers: Sequence[Ring]) -> tuple[Annulus | None, NotSeen | None]:
@@ -237,11 +232,6 @@ def ring_at(images: Sequence[Image], given: Annulus) -> FoundRing:
 
 def _mean(images: Sequence[Image]) -> Image:
     return np.asarray(np.mean(images, axis=0, dtype=np.float32))
-
-
-def _same(ring: Ring, other: Ring, outer: Ring) -> bool:
-    apart_px = float(np.hypot(ring.x_px - other.x_px, ring.y_px - other.y_px))
-    return max(apart_px, abs(ring.radius_px - other.radius_px)) <= SAME_RIM * outer.radius_px
 
 
 @dataclass(frozen=True)
@@ -288,11 +278,7 @@ def find_reference(stream: FrameStream, acquisition: EndoscopeAcquisition) -> Re
     if handle:
         dx_px, dy_px = annulus.outer_x_px - ring.annulus.outer_x_px, annulus.outer_y_px - ring.annulus.outer_y_px
         handle = replace(handle, x_px=handle.x_px + dx_px, y_px=handle.y_px + dy_px)
-    overlay = find_overlay(images, annulus) if _wall_moves(ring) else None
+    moving = ring.moving
+    wall_moves = moving is not None and max(movement_in_thirds(moving, ring.annulus)) > NOISE_SHARE * moving.noise
+    overlay = find_overlay(images, annulus) if wall_moves else None
     return Reference(scale, factor, replace(annulus, pixels=pixels), handle, ring, overlay)
-
-
-def _wall_moves(ring: FoundRing) -> bool:
-    return (
-        ring.moving is not None and max(movement_in_thirds(ring.moving, ring.annulus)) > NOISE_SHARE * ring.moving.noise
-    )

@@ -6,7 +6,7 @@ through it ignores where a cell, a notch or the image's edge interrupts it. It i
 with, found by trying circles through three of them (RANSAC).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import cv2
@@ -109,14 +109,37 @@ class Ring:
     coverage: float = 0.0
     visible: float = 1.0
 
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """Its x, y and radius."""
+        return self.x_px, self.y_px, self.radius_px
+
+    @property
+    def support(self) -> float:
+        """How clear it is: contrast times coverage."""
+        return self.contrast * self.coverage
+
+    def apart_px(self, other: "Ring") -> float:
+        """Return how far the centres of two circles lie apart."""
+        return float(np.hypot(self.x_px - other.x_px, self.y_px - other.y_px))
+
+    def differs_px(self, other: "Ring") -> float:
+        """Return by how much two circles differ, in their centres or in their radii."""
+        return max(self.apart_px(other), abs(self.radius_px - other.radius_px))
+
 
 def rays(image: Image, x_px: float, y_px: float, radii_px: Coordinates, n_rays: int = N_RAYS) -> tuple[Image, Mask]:
     """Return ``image`` along rays from a centre, float32 (n_rays, n_radii), and which samples lie inside it."""
     angle = 2 * np.pi / n_rays * np.arange(n_rays)[:, None]
     x = (x_px + radii_px * np.cos(angle)).astype(np.float32)
     y = (y_px + radii_px * np.sin(angle)).astype(np.float32)
-    inside = (x >= 0) & (y >= 0) & (x <= image.shape[1] - 1) & (y <= image.shape[0] - 1)
-    samples = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return sample(image, x, y)
+
+
+def sample(image: Image, columns: Image, rows: Image) -> tuple[Image, Mask]:
+    """Return ``image`` bilinearly at fractional places, and which of them lie inside it."""
+    inside = (columns >= 0) & (rows >= 0) & (columns <= image.shape[1] - 1) & (rows <= image.shape[0] - 1)
+    samples = cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(samples, dtype=np.float32), inside
 
 
@@ -140,11 +163,11 @@ def find_rings(image: Image, rising: bool, count: int) -> list[Ring]:
         for _ in range(2):
             ring = _retrace(image, dark, ring, rising)
         described = describe(image, dark, Ring(*ring, rising))
-        if described.contrast * described.coverage < LEAST_SUPPORT and rings:
+        if described.support < LEAST_SUPPORT and rings:
             break
         rings.append(described)
         gain[np.abs(radii - _distances(ring, x, y, path.size)) <= reach] = 0
-    return sorted(rings, key=lambda ring: -ring.contrast * ring.coverage)
+    return sorted(rings, key=lambda ring: -ring.support)
 
 
 def trace_closed(gain: Image, most_step: int = 2, step_cost: float = 0.05) -> NDArray[np.int64]:
@@ -242,17 +265,10 @@ def describe(image: Image, dark: float, ring: Ring) -> Ring:
     near = response[:, max(0, at - 1) : at + 2].max(axis=1)
     seen = inside[:, at]
     if seen.sum() < 8:
-        return Ring(ring.x_px, ring.y_px, ring.radius_px, ring.rising, 0.0, 0.0, float(seen.mean()))
+        return replace(ring, contrast=0.0, coverage=0.0, visible=float(seen.mean()))
     near = np.clip(near[seen], -MOST_CONTRAST, MOST_CONTRAST)
-    return Ring(
-        ring.x_px,
-        ring.y_px,
-        ring.radius_px,
-        ring.rising,
-        contrast=float(near.mean()),
-        coverage=float(np.mean(near > 0.15)),
-        visible=float(seen.mean()),
-    )
+    coverage = float(np.mean(near > 0.15))
+    return replace(ring, contrast=float(near.mean()), coverage=coverage, visible=float(seen.mean()))
 
 
 def without_thin_lines(image: Image) -> Image:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.memory import Room
-from endoct.base.numeric.peaks import vertex_in_loops
+from endoct.base.numeric.least_squares import vertex_in_loops
 from endoct.modalities.endoscope.parallax.sweeping import Costs
 
 WARMING = 128

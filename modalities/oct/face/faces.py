@@ -21,11 +21,9 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import NotSeen
 from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import medians
-from endoct.base.numeric.sine import Sine
 from endoct.modalities.oct.face.face_circle import Capillary, Circle
 from endoct.modalities.oct.face.lines import Lines, fit_circle
 from endoct.modalities.oct.face.points import Points, tukey_weight
-from endoct.modalities.oct.face.sine import slice_sine
 from endoct.modalities.oct.face.slices import SliceFeatures, samples_behind
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.parameters import OctParameters
@@ -125,10 +123,9 @@ def _dark_behind(
     mm_per_px, gap_mm = acquisition.mm_per_px, acquisition.gap_mm
     n_px = round(2.5 * gap_mm / mm_per_px)
 
-    def profile_behind(k: int) -> Image:
-        return _known(medians(samples_behind(slices[index[k]], lines.circle(k), mm_per_px, n_px)))
-
-    profiles = [profile_behind(k) for k in range(len(index))]
+    profiles = [
+        _known(medians(samples_behind(slices[i], lines.circle(k), mm_per_px, n_px))) for k, i in enumerate(index)
+    ]
     profile = _known(medians(np.asarray(profiles, dtype=np.float32)))
     first, last = round(0.04 / mm_per_px), max(round(0.3 * gap_mm / mm_per_px), round(0.08 / mm_per_px))
     if profile.size <= last + 2 or not np.isfinite(profile[first:last]).all():
@@ -213,13 +210,8 @@ class Faces:
 
     def reordered(self, order: NDArray[np.intp]) -> "Faces":
         """Return the same faces with slice ``order[i]`` in place i."""
-        return Faces(
-            self.capillary.reordered(order),
-            self.bridged[order],
-            self.inlier_fraction[order],
-            self.residual_mm[order],
-            self.ripple_mm[order],
-        )
+        of_slices = {name: values[order] for name, values in vars(self).items() if name != "capillary"}
+        return Faces(self.capillary.reordered(order), **of_slices)
 
 
 def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, parameters: OctParameters) -> Faces:
@@ -238,9 +230,11 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         raise _no_capillary("it in no slice")
     axis_mm = float(np.nanmedian(lines.axis_depth_mm))
     starts = bridged(lines)
-    fits = [_fit_face(slices[i], starts.circle(i), axis_mm, parameters) for i in range(len(slices))]
-    capillary = Capillary.of([fit.circle for fit in fits], lines.radius_mm)
-    fraction = np.array([fit.inlier_fraction for fit in fits])
+    circles, fractions, residuals = zip(
+        *(_fit_face(slices[i], starts.circle(i), axis_mm, parameters) for i in range(len(slices))), strict=True
+    )
+    capillary = Capillary.of(circles, lines.radius_mm)
+    fraction = np.array(fractions)
     good = fraction >= parameters.least_inlier_fraction
     good &= np.abs(capillary.axis_depth_mm - axis_mm) < SAME_LINE_MM
     good &= steady_slices(capillary.where(good), free) | (fraction > CERTAIN_FRACTION)
@@ -256,19 +250,9 @@ def locate_faces(slices: Sequence[SliceFeatures], acquisition: OctAcquisition, p
         capillary=capillary,
         bridged=~good,
         inlier_fraction=fraction,
-        residual_mm=np.array([fit.residual_mm for fit in fits]),
+        residual_mm=np.array(residuals),
         ripple_mm=np.array([ripple(i) for i in range(len(slices))]),
     )
-
-
-def fit_sines(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> tuple[Sine, ...]:
-    """Return the paper's sine of every slice; a bridged one gets the first order of its circle."""
-
-    def sine(i: int) -> Sine:
-        points = Points.none() if faces.bridged[i] else slices[i].points
-        return slice_sine(points, faces.capillary.circle(i), i, parameters)
-
-    return tuple(sine(i) for i in range(len(slices)))
 
 
 def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctParameters) -> Faces:
@@ -284,21 +268,15 @@ def refit_faces(slices: Sequence[SliceFeatures], faces: Faces, parameters: OctPa
 
     for i in map(int, np.flatnonzero(~faces.bridged)):
         features = slices[i]
-        fit = _fit_face(features, circles[i], axis_mm, parameters)
-        circles[i], fraction[i], residual[i] = fit.circle, fit.inlier_fraction, fit.residual_mm
-        ripple[i] = fit_ripple(features.points, fit.circle, parameters.face_tolerance_mm)
+        circles[i], fraction[i], residual[i] = _fit_face(features, circles[i], axis_mm, parameters)
+        ripple[i] = fit_ripple(features.points, circles[i], parameters.face_tolerance_mm)
     capillary = Capillary.of(circles, faces.capillary.radius_mm)
     return replace(faces, capillary=capillary, inlier_fraction=fraction, residual_mm=residual, ripple_mm=ripple)
 
 
-@dataclass(frozen=True)
-class _FaceFit:
-    circle: Circle
-    inlier_fraction: float
-    residual_mm: float
-
-
-def _fit_face(features: SliceFeatures, start: Circle, axis_mm: float, parameters: OctParameters) -> _FaceFit:
+def _fit_face(
+    features: SliceFeatures, start: Circle, axis_mm: float, parameters: OctParameters
+) -> tuple[Circle, float, float]:
     """The circle through one slice's points from ``start``, its axis near ``axis_mm``; and how well it fits."""
     points, tolerance_mm, circle = features.points, parameters.face_tolerance_mm, start
     for width in WIDTHS:
@@ -308,7 +286,7 @@ def _fit_face(features: SliceFeatures, start: Circle, axis_mm: float, parameters
     residual = points.beyond_mm(circle)
     on = np.abs(residual) < tolerance_mm
     fraction = np.unique(points.angle_rad[on]).size / features.n_columns
-    return _FaceFit(circle, fraction, float(np.sqrt(np.mean(residual[on] ** 2))) if on.any() else float("nan"))
+    return circle, fraction, float(np.sqrt(np.mean(residual[on] ** 2))) if on.any() else float("nan")
 
 
 def _no_capillary(instead: str) -> NotSeen:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.circle import pad_circle
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.base.numeric.ranks import median, quantile_pair, robust_sigma
 from endoct.modalities.oct.bscan import Raster
 from endoct.modalities.oct.face.face_circle import Circle

@@ -3,12 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image
-from endoct.base.compute.compiled import compiled
 from endoct.modalities.contract import Frame
-from endoct.modalities.oct.bscan import Raster, logarithmic, reduce_theta, reduced, sector_angles_rad, share_brightening
+from endoct.modalities.oct.bscan import (
+    Raster,
+    logarithmic,
+    reduce_theta,
+    reduced,
+    rows_from,
+    sector_angles_rad,
+    share_brightening,
+)
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.lines import Lines, find_lines
 from endoct.modalities.oct.face.points import Points, line_points
@@ -68,15 +74,4 @@ def examine_bscan(
 def samples_behind(features: SliceFeatures, circle: Circle, mm_per_px: float, n_px: int) -> Image:
     """Return the samples from the line ``circle`` on, float32 (n_ascans, n_px), NaN outside the B-scan."""
     first = np.round(circle.depth_mm(features.ascan_angle_rad) / mm_per_px).astype(np.intp)
-    return _rows_from(features.ascans, first, n_px)
-
-
-@compiled
-def _rows_from(ascans: Image, first: NDArray[np.intp], n_px: int) -> Image:
-    """So many samples of every A-scan from ``first`` (n,) on, NaN outside."""
-    n_ascans, n_depth = ascans.shape
-    taken = np.full((n_ascans, n_px), np.nan, np.float32)
-    for i in range(n_ascans):
-        for row in range(max(first[i], 0), min(first[i] + n_px, n_depth)):
-            taken[i, row - first[i]] = ascans[i, row]
-    return taken
+    return rows_from(features.ascans, first, n_px)

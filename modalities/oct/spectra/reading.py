@@ -18,8 +18,16 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import SMALL_BYTES, is_folder
 from endoct.base.files.zip_members import key_of, read_member
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, EVEN, SpectraKeys
-from endoct.modalities.oct.spectra.reconstruction import Counts, Reconstruction, mean_spectrum, reconstruction
-from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import (
+    Counts,
+    Reconstruction,
+    dispersion_phase,
+    mean_spectrum,
+    reconstruction,
+    sample_places,
+    taps,
+    window,
+)
 from endoct.modalities.oct.spectra.slices import Slices, find_slices
 from endoct.modalities.oct.spectra.vectors import read_vector, vector_of
 from endoct.modalities.reading.format import Files

@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from endoct.base.arrays import Coordinates, Image
 from endoct.base.errors import EndoctError
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.modalities.oct.spectra.keys import LEAST_ASCANS
 
 Levels = Callable[[NDArray[np.intp]], Image]

@@ -5,13 +5,13 @@ Each B-scan is rid of them in one pass over its samples.
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label, maximum_filter1d, uniform_filter1d
 
-from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.arrays import Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric import ranks
 from endoct.modalities.oct.face.face_circle import Circle
@@ -91,32 +91,19 @@ def spread_of_noise(background: Background) -> float:
     return max(background.noise_sigma, LEAST_SIGMA_SHARE * background.contrast)
 
 
-class Bridges(NamedTuple):
-    """How rows are interpolated: each of ``row`` (n,) from rows ``low`` and ``high``, with ``share`` of ``high``."""
-
-    row: NDArray[np.intp]
-    low: NDArray[np.intp]
-    high: NDArray[np.intp]
-    share: Coordinates
-
-
-def bridges_over(hidden: Mask) -> Bridges:
-    """Return how the rows ``hidden``, bool (depth,), are interpolated from their neighbours; none where all are."""
-    good, row = np.flatnonzero(~hidden), np.flatnonzero(hidden)
-    if not good.size:
-        return Bridges(good, good, good, np.empty(0))
-    after = np.searchsorted(good, row)
-    low, high = good[np.maximum(after - 1, 0)], good[np.minimum(after, good.size - 1)]
-    return Bridges(row, low, high, np.where(low == high, 0.5, (row - low) / np.maximum(high - low, 1)))
-
-
 def bridge_rows(image: Image, hidden: Mask) -> Image:
-    """Return ``image`` (θ, depth) with the rows ``hidden``, bool (depth,), interpolated from their neighbours."""
-    bridges = bridges_over(hidden)
-    if not bridges.row.size:
+    """Return ``image`` (θ, depth) with the rows ``hidden``, bool (depth,), interpolated from their neighbours.
+
+    As it is where none of them is hidden, or all are.
+    """
+    seen, row = np.flatnonzero(~hidden), np.flatnonzero(hidden)
+    if not (seen.size and row.size):
         return image
+    after = np.searchsorted(seen, row)
+    low, high = seen[np.maximum(after - 1, 0)], seen[np.minimum(after, seen.size - 1)]
+    share = np.where(low == high, 0.5, (row - low) / np.maximum(high - low, 1))
     filled = image.copy()
-    _bridge(filled, bridges)
+    filled[:, row] = (1 - share) * image[:, low] + share * image[:, high]
     return filled
 
 
@@ -133,8 +120,7 @@ def without_lines(samples: NDArray[Any], background: Background) -> Image:
     faint = np.flatnonzero(background.lines & ~hidden)
     levels = np.empty(samples.shape, np.float32)
     _level(samples, background.floor, faint, np.float32(background.noise), excess, gain.astype(np.float32), levels)
-    _bridge(levels, bridges_over(hidden))
-    return levels
+    return bridge_rows(levels, hidden)
 
 
 @compiled
@@ -154,21 +140,6 @@ def _level(
             own[row] = np.float32(samples[column, row]) - floor[row]
         for row in rows:
             own[row] = darkness + (own[row] - darkness - excess[row]) * gain[row]
-
-
-@compiled
-def _bridge(image: Image, bridges: Bridges) -> None:
-    """Fill rows of ``image`` (θ, depth), in place."""
-    for column in range(len(image)):
-        bridge_ascan(image[column], bridges)
-
-
-@compiled
-def bridge_ascan(samples: Image, bridges: Bridges) -> None:
-    """Fill rows of one A-scan (depth,), in place."""
-    for k in range(bridges.row.size):
-        share = bridges.share[k]
-        samples[bridges.row[k]] = (1 - share) * samples[bridges.low[k]] + share * samples[bridges.high[k]]
 
 
 def with_lines_of(

@@ -17,6 +17,7 @@ from scipy.ndimage import label, percentile_filter, uniform_filter1d
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric import ranks
 from endoct.base.numeric.ranks import robust_sigma
+from endoct.modalities.oct.bscan import rows_from
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.glass import Glass
 from endoct.modalities.oct.face.slices import SliceFeatures
@@ -107,12 +108,9 @@ def _wall_shift_mm(pool: Pool, mm_per_px: float) -> float:
     """By how much deeper than the nominal bore the wall typically stands: where, from it, A-scans are brightest."""
     gap_mm = float(np.min(pool.wall_mm - pool.face_mm))
     most = max(0, round(WALL_SHIFT * gap_mm / mm_per_px))
-    reach = np.arange(-most, most + 1)
-    rows = np.round(pool.wall_mm / mm_per_px).astype(np.intp)[:, None] + reach
-    inside = (rows >= 0) & (rows < pool.ascans.shape[1])
-    near = np.where(inside, np.take_along_axis(pool.ascans, rows.clip(0, pool.ascans.shape[1] - 1), axis=1), np.nan)
+    near = rows_from(pool.ascans, np.round(pool.wall_mm / mm_per_px).astype(np.intp) - most, 2 * most + 1)
     level = uniform_filter1d(filled_medians(near), max(1, round(0.05 / mm_per_px)), mode="nearest")
-    return float(reach[int(np.argmax(level))]) * mm_per_px
+    return float(int(np.argmax(level)) - most) * mm_per_px
 
 
 def _is_dark(ascans: Image, at_wall: Mask, in_gap: Mask) -> Mask:

@@ -19,7 +19,7 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
-from endoct.modalities.oct.bscan import Spacing, mean_between, varying
+from endoct.modalities.oct.bscan import Spacing, mean_between, rows_from, varying
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 from endoct.modalities.oct.manifest import OctAcquisition
@@ -98,10 +98,11 @@ def wall_sigmas(level: Image, row: NDArray[np.intp], trusted: Mask, background: 
     """
     n_depth = level.shape[1]
     depth, width = max(1, round(SQUARE_MM / spacing.depth_mm)), max(1, round(SQUARE_MM / spacing.column_mm))
-    behind = row[:, None] + np.arange(depth)
-    seen = trusted[:, None] & (behind < n_depth)
-    levels = np.take_along_axis(level, np.minimum(behind, n_depth - 1), axis=1)
-    power = relative_power(levels, background.noise, spread_of_noise(background)) / background.noise_power
+    seen = trusted[:, None] & (row[:, None] + np.arange(depth) < n_depth)
+    power = (
+        relative_power(rows_from(level, row, depth), background.noise, spread_of_noise(background))
+        / background.noise_power
+    )
     power = np.where(seen, np.minimum(power, MOST_POWER), 0).sum(axis=1, dtype=np.float64)
     looks, total = (uniform_filter1d(each, width, mode="wrap") for each in (seen.sum(axis=1, dtype=np.float64), power))
     full = looks > depth / 2

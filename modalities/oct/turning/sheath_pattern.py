@@ -23,7 +23,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.memory import Kept
 from endoct.base.numeric.circle import wrap_rad
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import LEAST_OFFSET_MM, SAME_LINE_MM, Faces, line_depths_mm

@@ -18,7 +18,7 @@ from scipy.linalg import solveh_banded
 
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import mean_angle_rad, wrap_rad
-from endoct.base.numeric.peaks import vertex
+from endoct.base.numeric.least_squares import vertex
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.modalities.oct.bscan import mean_between
 from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm

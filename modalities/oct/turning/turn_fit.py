@@ -62,10 +62,6 @@ class Prior:
         round_ = np.full(N_RIPPLE, 1 / ROUNDNESS_MM**2)
         return cls(unknowns(centred, factors), np.concatenate([free, 1 / sigma**2, round_]))
 
-    def with_lost_block(self) -> "Prior":
-        """Return the prior with the angle of a lost block of A-scans as one unknown more."""
-        return Prior(np.append(self.mean, 0.0), np.append(self.precision, 1 / LOST_RAD[1] ** 2))
-
 
 @dataclass(frozen=True, eq=False)
 class TurnFit:
@@ -277,7 +273,8 @@ def finish_fit(points: Points, fit: TurnFit, glass: Glass, seek_lost: bool) -> T
     if gain[best] <= LOST_GAIN:
         return finished
     begin, widths, at = np.append(fit.unknown, size[best]), (WIDE_MM[-1], *NARROW_MM), float(candidates[best])
-    again = fit_turn(points, begin, fit.prior.with_lost_block(), glass, widths, at)
+    with_block = Prior(np.append(fit.prior.mean, 0.0), np.append(fit.prior.precision, 1 / LOST_RAD[1] ** 2))
+    again = fit_turn(points, begin, with_block, glass, widths, at)
     if again is None or not LOST_RAD[0] < again.lost_rad < LOST_RAD[1]:
         return finished
     return again if _misfit(points, finished) - _misfit(points, again) > LOST_GAIN else finished

@@ -59,9 +59,6 @@ class _Turning:
     usual: Coordinates
     seek_lost: bool
 
-    def prior(self, factors: Coordinates, sigma: Coordinates) -> Prior:
-        return Prior.of(self.axis_mm, factors, sigma)
-
 
 @dataclass(frozen=True, eq=False)
 class _Expected:
@@ -146,7 +143,7 @@ def _starting_circles(slices: Sequence[SliceFeatures], faces: Faces) -> list[Cir
 def _fit_alone(features: SliceFeatures, start: Circle, recording: _Turning) -> Coordinates | None:
     """The factors of a slice by itself; None where they cannot be trusted."""
     even = np.zeros(N_FACTORS)
-    prior = recording.prior(even, recording.usual)
+    prior = Prior.of(recording.axis_mm, even, recording.usual)
     fit = fit_turn(features.points, unknowns(start, even), prior, recording.glass)
     if fit is None or not _plausible(fit, features, recording.usual, LEAST_SHARE):
         return None
@@ -161,7 +158,7 @@ def _fit_about(
     begin, points = unknowns(start, expected.factors), features.points
     if expected.possible:
         widths = WIDE_MM if expected.certain else WIDEST_MM + WIDE_MM
-        prior = recording.prior(expected.factors, expected.sigma)
+        prior = Prior.of(recording.axis_mm, expected.factors, expected.sigma)
         wide = fit_turn(points, begin, prior, recording.glass, widths)
         if wide is not None:
             fit = finish_fit(points, wide, recording.glass, recording.seek_lost)
@@ -171,7 +168,7 @@ def _fit_about(
     if bridged:
         return _Turn(start, np.zeros(N_FACTORS))
     # as its neighbours turned, which is evenly where theirs is not known either
-    fixed = recording.prior(expected.factors, np.full(N_FACTORS, NOTHING_RAD))
+    fixed = Prior.of(recording.axis_mm, expected.factors, np.full(N_FACTORS, NOTHING_RAD))
     about = fit_turn(points, begin, fixed, recording.glass)
     if about is None:
         return _Turn(start, np.zeros(N_FACTORS))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from processes import has_ended
 
-from endoct.base.compute.process_group import process_group
+from endoct.base.compute.worker_process import process_group
 
 FAMILY = """
 import subprocess, sys, time
@@ -21,7 +21,7 @@ time.sleep(600)
 BEGINNER = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background commands ignore it
-from endoct.base.compute.process_group import process_group
+from endoct.base.compute.worker_process import process_group
 with process_group([sys.executable, "-c", sys.argv[1]], stdout=sys.stdout.fileno()) as process:
     process.wait()
 """

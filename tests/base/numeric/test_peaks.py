@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.base.numeric.peaks import vertex, vertex_in_loops
+from endoct.base.numeric.least_squares import vertex, vertex_in_loops
 
 
 @pytest.mark.parametrize("top", [-0.5, -0.25, 0.0, 0.375])

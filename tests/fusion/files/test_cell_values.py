@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.fusion.files.cell_values import cells_by_palette, cells_in_colour, cells_of, minority
+from endoct.fusion.files.drawings import cells_by_palette, cells_in_colour, cells_of, minority
 
 CELLS = np.zeros((12, 40), np.bool_)
 CELLS[2:6, 4:9] = CELLS[7:11, 20:26] = True

@@ -12,6 +12,7 @@ from endoct.modalities.oct.bscan import (
     reduce_theta,
     reduced,
     reduced_pullback,
+    rows_from,
     sector_angles_rad,
     sector_means,
     share_brightening,
@@ -90,6 +91,13 @@ def test_means_are_over_rows_that_are_there() -> None:
     means = mean_between(image, np.array([1, -5, 3]), np.array([3, 2, 9]))
     assert means.tolist() == [1.5, 4.5, 11]
     assert mean_between(image, np.array([2, 4, 0]), np.array([2, 9, 0])).tolist() == [0, 0, 0]
+
+
+def test_rows_are_those_that_are_there_and_nan_beyond() -> None:
+    image = np.arange(12, dtype=np.float32).reshape(3, 4)
+    rows = rows_from(image, np.array([-1, 1, 3]), 3)
+    np.testing.assert_array_equal(rows, [[np.nan, 0, 1], [5, 6, 7], [11, np.nan, np.nan]])
+    assert rows.dtype == np.float32
 
 
 def test_an_ascan_varies_where_a_sample_differs_from_its_first() -> None:

@@ -54,3 +54,5 @@ def test_the_maximum_is_taken_literally() -> None:
     image[:, 2], image[0, 5], image[1, 7], image[2, 9] = 9, 3, 4, 5
     np.testing.assert_array_equal(brightest(image, np.array([3, 3, 3])), [5, 7, 9])
     np.testing.assert_array_equal(maximum_intensity(image, np.array([3, 3, 3]), np.zeros(10, bool)), [3, 4, 5])
+    np.testing.assert_array_equal(brightest(image, np.array([5, 2, 9])), [5, 2, 9])
+    np.testing.assert_array_equal(maximum_intensity(image, np.array([5, 2, 9]), np.zeros(10, bool)), [3, 9, 5])

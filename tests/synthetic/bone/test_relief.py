@@ -5,7 +5,7 @@ import numpy as np
 from endoct.modalities.tube.target import Target
 from endoct.synthetic.bone.relief import bore_relief, wall_grid
 from endoct.synthetic.draw import draw
-from endoct.synthetic.sidecars import tube_file
+from endoct.synthetic.specimen_files import tube_file
 
 EVEN = {f"bore.{name}": (0.0, 0.0) for name in ("taper_mm", "wander_mm", "roughness_mm", "drill_mark_depth_mm")}
 

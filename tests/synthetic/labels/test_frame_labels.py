@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 from endoct.synthetic.endoscope.camera import PixelMaps
-from endoct.synthetic.labels import frame_labels
-from endoct.synthetic.labels.frame_labels import _squarest_frame, ascans_of_places, cartesian_mm, nearest_places
+from endoct.synthetic.labels import specimen_labels
 from endoct.synthetic.labels.pullback_labels import Pullback
+from endoct.synthetic.labels.specimen_labels import _squarest_frame, ascans_of_places, cartesian_mm, nearest_places
 
 N_ASCANS = 8
 
@@ -70,14 +70,14 @@ def test_frames_and_ascans_that_see_one_place_name_each_other(tmp_path: Path, mo
         obscured[0, 0] = True
         return PixelMaps(z_mm, theta_rad, of.radius_mm - 1.9, np.where(valid, cell, 0), obscured, valid)
 
-    monkeypatch.setattr(frame_labels, "pixel_maps", maps)
-    monkeypatch.setattr(frame_labels, "noise_free", lambda *_: np.zeros((3, N_ASCANS), np.uint8))
+    monkeypatch.setattr(specimen_labels, "pixel_maps", maps)
+    monkeypatch.setattr(specimen_labels, "noise_free", lambda *_: np.zeros((3, N_ASCANS), np.uint8))
     contents = SimpleNamespace(lining=np.zeros(3))
     camera = SimpleNamespace(z_mm=frames_z_mm, visible_length_mm=0.5, height_px=3, width_px=N_ASCANS)
     wall = SimpleNamespace(radius_mm=1.9, scene=SimpleNamespace(contents=contents))
     model: Any = SimpleNamespace(sample=SimpleNamespace(endoscope=camera), wall=wall, lighting=None)
     shares: list[float] = []
-    pixels, per_cell = frame_labels.write_endoscope_labels(tmp_path, model, of, shares.append, 1)
+    pixels, per_cell = specimen_labels.write_endoscope_labels(tmp_path, model, of, shares.append, 1)
     labels = xr.open_zarr(tmp_path / "endoscope.zarr").load()
     slices, ascans = np.indices((3, N_ASCANS))
     np.testing.assert_allclose(labels.oct_slice[0], slices, atol=1e-4)

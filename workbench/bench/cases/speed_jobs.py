@@ -20,8 +20,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.mirror.band import Circles
-from endoct.modalities.oct.spectra.reconstruction import Counts
-from endoct.modalities.oct.spectra.resampling import sample_places
+from endoct.modalities.oct.spectra.reconstruction import Counts, sample_places
 from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.recognition import open_recording
 from endoct.workbench.bench.task import rng_of

@@ -22,8 +22,7 @@ from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.contract import Frame
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import Counts, mean_spectrum, reconstruction
-from endoct.modalities.oct.spectra.resampling import taps, window
+from endoct.modalities.oct.spectra.reconstruction import Counts, mean_spectrum, reconstruction, taps, window
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.bench.cases import speed_jobs as jobs

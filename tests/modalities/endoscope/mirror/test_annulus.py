@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.endoscope.light import reduced_light
 from endoct.modalities.endoscope.mirror.annulus import Annulus, Followed, find_annulus, follow
 from endoct.modalities.endoscope.mirror.ring_search import settle_annuli
-from endoct.modalities.endoscope.mirror.rings import fit_circle, trace_closed
+from endoct.modalities.endoscope.mirror.rings import Ring, fit_circle, trace_closed
 
 TRUE = Annulus(152.3, 118.1, 52.7, 155.6, 121.4, 104.2)
 
@@ -185,3 +185,10 @@ def test_a_rim_that_the_mean_image_blurs_is_taken_as_the_frames_have_it() -> Non
     assert found.all()
     assert annuli[0].inner_px == 26.0
     assert not settle_annuli([Followed(true, 0.5)] * 5, blurred, given=True)[1].any()
+
+
+def test_rings_differ_in_their_places_or_their_radii() -> None:
+    ring, aside, wider = Ring(0, 0, 10, True), Ring(3, 4, 12, True), Ring(0, 1, 17, True)
+    assert (ring.apart_px(aside), ring.differs_px(aside), ring.differs_px(wider)) == (5, 5, 7)
+    assert Ring(0, 0, 10, True, contrast=0.5, coverage=0.25).support == 0.125
+    assert Annulus.of(ring, aside).rings[1].circle == aside.circle == (3, 4, 12)

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB, ZERO_DB
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction
-from endoct.modalities.oct.spectra.resampling import sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import Reconstruction, reconstruction, sample_places, taps, window
 
 Array = NDArray[np.float64]
 DARK, AMPLITUDE = 30000.0, 10000.0

@@ -11,8 +11,7 @@ from tolerances import ON_DEVICE_AMPLITUDE, ON_DEVICE_COUNTS
 
 from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
 from endoct.modalities.oct.spectra.on_device import OnDevice
-from endoct.modalities.oct.spectra.reconstruction import Reconstruction
-from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places
+from endoct.modalities.oct.spectra.reconstruction import Reconstruction, dispersion_phase, sample_places
 from tests.modalities.oct.spectra.fringes import chain, levels_db, mirror, quadratic_chirp
 
 N, ASCANS = 1024, 2000

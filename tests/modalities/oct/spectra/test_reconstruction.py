@@ -21,8 +21,15 @@ from tolerances import (
 )
 
 from endoct.base.compute.parallel import thread_map
-from endoct.modalities.oct.spectra.reconstruction import mean_spectrum, reconstruction
-from endoct.modalities.oct.spectra.resampling import Interpolation, dispersion_phase, sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import (
+    Interpolation,
+    dispersion_phase,
+    mean_spectrum,
+    reconstruction,
+    sample_places,
+    taps,
+    window,
+)
 from tests.modalities.oct.spectra.fringes import (
     AMPLITUDE,
     Array,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tolerances import COORDINATE_ATOL, INVERSE_CHIRP_PX
 
-from endoct.modalities.oct.spectra.resampling import dispersion_phase, sample_places, taps, window
+from endoct.modalities.oct.spectra.reconstruction import dispersion_phase, sample_places, taps, window
 from tests.modalities.oct.spectra.fringes import quadratic_chirp
 
 N = 128

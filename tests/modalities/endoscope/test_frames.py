@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
-from endoct.modalities.endoscope.frame_places import DOUBTED_FEED, SURE_OF_FEED, place_frames
+from endoct.modalities.endoscope.frames import DOUBTED_FEED, SURE_OF_FEED, place_frames
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.band import Band
 from endoct.modalities.endoscope.mirror.optics import assumed_cone

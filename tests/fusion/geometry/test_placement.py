@@ -11,7 +11,7 @@ from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.doubts import doubts_of_parts, doubts_of_step
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.geometry.alignment import LandmarkPair, Place
-from endoct.fusion.geometry.reference_bore import bore_scale, scaled_grid, scaled_panorama
+from endoct.fusion.geometry.placement import bore_scale, scaled_grid, scaled_panorama
 from endoct.fusion.pose.observation import observe
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import LEAST_STEP_MM, Step

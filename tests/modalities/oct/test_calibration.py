@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from endoct.base.doubt import Doubt
-from endoct.modalities.oct.calibration import OctCalibration
+from endoct.modalities.oct.calibration import OctCalibration, notes_on_lines
 from endoct.modalities.oct.doubts import doubts_of_lines
-from endoct.modalities.oct.notes import notes_on_lines
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.surface.fixed_lines import FixedLines
 from tests.modalities.oct.phantom import BORE_MM, PIXEL_MM, Phantom
