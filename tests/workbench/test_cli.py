@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
+from made_once import MadeOnce
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.masks import read_mask
@@ -62,10 +63,8 @@ def test_help_fits_a_terminal_of_sensible_width(
 
 
 @pytest.fixture(scope="module")
-def compared(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("compared") / "comparison"
-    compare(quick_specimen / "endoscope", quick_specimen / "oct", folder)
-    return folder
+def compared(quick_specimen: Path, made_once: MadeOnce) -> Path:
+    return made_once("comparison", lambda folder: compare(quick_specimen / "endoscope", quick_specimen / "oct", folder))
 
 
 def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Path) -> None:
