@@ -3,16 +3,17 @@
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
+from endoct.base.errors import EndoctError
 
 
 class KeptProcess:
     """Lends one process to one command after the other.
 
     One that finds other surroundings than those the process was started in gets a new one, and so does who comes after
-    a command that failed.
+    one in whose hands it ended.
     """
 
     def __init__(self) -> None:
@@ -35,10 +36,11 @@ class KeptProcess:
         try:
             # its own count of what it stores, so that this replaces what others stored
             yield WorkerProcess(kept._process, kept._requests)
-            kept.call(abs, 0).result()  # all is answered by then
-            self._process = kept
         finally:
             self._is_lent = False
+            with suppress(EndoctError):  # it has ended
+                kept.call(abs, 0).result()  # all is answered by then
+                self._process = kept
 
     def end(self) -> None:
         """End the process."""

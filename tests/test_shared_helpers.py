@@ -13,6 +13,8 @@ from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.routing import Route
 from workbench_page import Served, application, post, serving
 
+from endoct.base.errors import EndoctError
+
 
 @pytest.fixture
 def kept() -> Iterator[KeptProcess]:
@@ -59,11 +61,14 @@ def test_other_surroundings_get_a_new_one(
     assert identity(kept) not in (first, os.getpid())
 
 
-def test_who_comes_after_a_failure_gets_a_new_one(kept: KeptProcess) -> None:
+def test_who_comes_after_a_failure_gets_the_same_one_unless_it_ended(kept: KeptProcess) -> None:
     first = identity(kept)
     with pytest.raises(ZeroDivisionError), kept.lent():
         _ = 1 / 0
-    assert identity(kept) != first
+    assert identity(kept) == first
+    with kept.lent() as process, pytest.raises(EndoctError, match="has ended"):
+        process.call(os._exit, 1).result()
+    assert identity(kept) not in (first, os.getpid())
 
 
 def echo(host: str, port: int) -> Starlette:
