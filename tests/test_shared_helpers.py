@@ -47,14 +47,20 @@ def test_what_one_has_stored_goes_with_the_next(kept: KeptProcess) -> None:
         assert process.call(str.upper, mine).result() == "YOURS"
 
 
-@pytest.mark.parametrize("change", ["folder", "variable", "path"])
+def test_it_goes_along_into_another_folder(kept: KeptProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = identity(kept)
+    monkeypatch.chdir(tmp_path)
+    with kept.lent() as process:
+        assert process.call(os.getcwd).result() == str(tmp_path)
+    assert identity(kept) == first
+
+
+@pytest.mark.parametrize("change", ["variable", "path"])
 def test_other_surroundings_get_a_new_one(
     kept: KeptProcess, change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = identity(kept)
-    if change == "folder":
-        monkeypatch.chdir(tmp_path)
-    elif change == "variable":
+    if change == "variable":
         monkeypatch.setenv("OF_MINE", "1")
     else:
         monkeypatch.syspath_prepend(tmp_path)
