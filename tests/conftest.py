@@ -12,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
+    from kept_process import KeptProcess
     from made_once import MadeOnce
 
 # Read as a process starts: by those that share the tests, and by what tests start. Two processes of two threads each on
@@ -35,14 +36,14 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kept_process() -> Iterator[None]:
+def kept_process() -> "Iterator[KeptProcess]":
     """The second process of every command is the same one."""
     from kept_process import KeptProcess  # only once tests run: it loads libraries
 
     kept = KeptProcess()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("endoct.workbench.running.scheduler.worker_process", kept.lent)
-        yield
+        yield kept
     kept.end()
 
 
