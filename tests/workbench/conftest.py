@@ -41,3 +41,10 @@ def walls(short: Path, made_once: MadeOnce) -> Path:
             unroll(short / side, folder / side / "wall.zarr", progress=False)
 
     return made_once("walls", make)
+
+
+@pytest.fixture
+def without_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have comparisons written without their report, whose figures cost seconds."""
+    for name in ("begin_sides", "begin_both", "ComparisonFolder.write_report"):
+        monkeypatch.setattr(f"endoct.workbench.pipeline.comparing.{name}", lambda *_, **__: [])
