@@ -6,9 +6,14 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from kept_process import KeptProcess
+    from made_once import MadeOnce
 
 # Read as a process starts: by those that share the tests, and by what tests start. Two processes of two threads each on
 # two cores wait for each other by turning round and round; and arrays that are taken and given back a thousand times
@@ -21,21 +26,24 @@ os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(128 << 20))
 settings.register_profile("endoct", deadline=None, derandomize=True)
 settings.load_profile("endoct")
 
+gc.disable()  # while tests are looked for, nearly all that is made stays: to look for garbage takes half of the time
+
 
 def pytest_collection_finish() -> None:
     """Whatever is loaded by now stays: the collector of garbage need not look through it again and again."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session", autouse=True)
-def kept_process() -> Iterator[None]:
+def kept_process() -> "Iterator[KeptProcess]":
     """The second process of every command is the same one."""
     from kept_process import KeptProcess  # only once tests run: it loads libraries
 
     kept = KeptProcess()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("endoct.workbench.running.scheduler.worker_process", kept.lent)
-        yield
+        yield kept
     kept.end()
 
 
@@ -52,27 +60,20 @@ def recordings() -> Path:
 
 
 @pytest.fixture(scope="session")
-def quick_specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it.
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> "MadeOnce":
+    """Have something made that tests only read, once for all processes that share the tests."""
+    from made_once import MadeOnce  # locks as POSIX has them: only who needs them
 
-    The processes that share the tests share it too: who comes first makes it, the others wait.
-    """
-    import fcntl
+    base = tmp_path_factory.getbasetemp()
+    return MadeOnce(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
 
+
+@pytest.fixture(scope="session")
+def quick_specimen(made_once: "MadeOnce") -> Path:
+    """One simulated specimen of the preset `quick`: oct/, endoscope/ and truth/. Tests must not change it."""
     from endoct.synthetic.specimen import simulate  # only who needs a specimen loads it
 
-    shared = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        shared = shared.parent
-    specimen = shared / "quick_specimen"
-    with (shared / "quick_specimen.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not specimen.exists():
-            making = shared / "quick_specimen.part"
-            shutil.rmtree(making, ignore_errors=True)  # of one who failed
-            simulate(making, preset="quick", seed=1000)
-            making.rename(specimen)
-    return specimen
+    return made_once("quick_specimen", lambda folder: simulate(folder, preset="quick", seed=1000))
 
 
 @pytest.fixture

@@ -3,16 +3,17 @@
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
+from endoct.base.errors import EndoctError
 
 
 class KeptProcess:
-    """Lends one process to one command after the other.
+    """Lends one process to one command after the other, in the folder where each is.
 
     One that finds other surroundings than those the process was started in gets a new one, and so does who comes after
-    a command that failed.
+    one in whose hands it ended.
     """
 
     def __init__(self) -> None:
@@ -34,11 +35,14 @@ class KeptProcess:
         kept, self._process, self._is_lent = self._process, None, True
         try:
             # its own count of what it stores, so that this replaces what others stored
-            yield WorkerProcess(kept._process, kept._requests)
-            kept.call(abs, 0).result()  # all is answered by then
-            self._process = kept
+            lent = WorkerProcess(kept._process, kept._requests)
+            lent.call(os.chdir, os.getcwd())  # noqa: PTH109
+            yield lent
         finally:
             self._is_lent = False
+            with suppress(EndoctError):  # it has ended
+                kept.call(abs, 0).result()  # all is answered by then
+                self._process = kept
 
     def end(self) -> None:
         """End the process."""
@@ -47,6 +51,6 @@ class KeptProcess:
 
 
 def surroundings() -> object:
-    """Return what a process has of the one that starts it."""
+    """Return what a process has of the one that starts it, but for its folder."""
     variables = {name: value for name, value in os.environ.items() if name != "PYTEST_CURRENT_TEST"}
-    return os.getcwd(), variables, list(sys.path), [os.fstat(stream).st_ino for stream in (1, 2)]  # noqa: PTH109
+    return variables, list(sys.path), [os.fstat(stream).st_ino for stream in (1, 2)]

@@ -5,6 +5,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+from made_once import MadeOnce
 
 from benchmarks.independent.bore import drill
 from benchmarks.independent.sets import recipe_of
@@ -25,10 +26,8 @@ SEED = 40  # for tuning
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("second") / "specimen"
-    write_walls(folder, "easy", SEED)
-    return folder
+def specimen(made_once: MadeOnce) -> Path:
+    return made_once("second_generator", lambda folder: write_walls(folder, "easy", SEED))
 
 
 def test_true_cells_lie_on_the_panoramas_of_both_sides(specimen: Path) -> None:

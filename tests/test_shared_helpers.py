@@ -13,6 +13,8 @@ from starlette.responses import JSONResponse, PlainTextResponse
 from starlette.routing import Route
 from workbench_page import Served, application, post, serving
 
+from endoct.base.errors import EndoctError
+
 
 @pytest.fixture
 def kept() -> Iterator[KeptProcess]:
@@ -45,25 +47,34 @@ def test_what_one_has_stored_goes_with_the_next(kept: KeptProcess) -> None:
         assert process.call(str.upper, mine).result() == "YOURS"
 
 
-@pytest.mark.parametrize("change", ["folder", "variable", "path"])
+def test_it_goes_along_into_another_folder(kept: KeptProcess, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = identity(kept)
+    monkeypatch.chdir(tmp_path)
+    with kept.lent() as process:
+        assert process.call(os.getcwd).result() == str(tmp_path)
+    assert identity(kept) == first
+
+
+@pytest.mark.parametrize("change", ["variable", "path"])
 def test_other_surroundings_get_a_new_one(
     kept: KeptProcess, change: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = identity(kept)
-    if change == "folder":
-        monkeypatch.chdir(tmp_path)
-    elif change == "variable":
+    if change == "variable":
         monkeypatch.setenv("OF_MINE", "1")
     else:
         monkeypatch.syspath_prepend(tmp_path)
     assert identity(kept) not in (first, os.getpid())
 
 
-def test_who_comes_after_a_failure_gets_a_new_one(kept: KeptProcess) -> None:
+def test_who_comes_after_a_failure_gets_the_same_one_unless_it_ended(kept: KeptProcess) -> None:
     first = identity(kept)
     with pytest.raises(ZeroDivisionError), kept.lent():
         _ = 1 / 0
-    assert identity(kept) != first
+    assert identity(kept) == first
+    with kept.lent() as process, pytest.raises(EndoctError, match="has ended"):
+        process.call(os._exit, 1).result()
+    assert identity(kept) not in (first, os.getpid())
 
 
 def echo(host: str, port: int) -> Starlette:

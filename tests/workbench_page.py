@@ -6,8 +6,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from http.client import HTTPConnection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import unquote
 
@@ -40,6 +42,23 @@ IN_PLACE = Alignment(0.0, 0.0, confidence=0.6, correlation=0.9, ratio=3.0)
 
 def written(folder: Path, **changed: object) -> Path:
     """Write a comparison whose sides lie in place, with fields of its result changed."""
+    if changed:
+        return _made(folder, **changed)
+    for name, content in _unchanged().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return folder
+
+
+@cache
+def _unchanged() -> dict[Path, bytes]:
+    """Return the files of a comparison of which nothing is changed: most tests want one of their own."""
+    with TemporaryDirectory() as place:
+        made = _made(Path(place) / "comparison")
+        return {path.relative_to(made): path.read_bytes() for path in made.rglob("*") if path.is_file()}
+
+
+def _made(folder: Path, **changed: object) -> Path:
     write_comparison(folder, Kind("endoscope", depth=False), Kind("oct"), **{"doubts": (), **changed})
     found = load_comparison(folder / "comparison.zarr")
     shutil.rmtree(folder / "comparison.zarr")

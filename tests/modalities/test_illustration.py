@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_once import MadeOnce
 from tolerances import LOCATED_ASCANS, LOCATED_DEPTH_PX, LOCATED_PX, TABLED_PX
 
 from benchmarks.located_places import oct_errors, pixel_errors, table_errors
@@ -21,10 +22,8 @@ from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("located") / "specimen"
-    simulate(folder, preset="learning", seed=1001, labels=True)
-    return folder
+def specimen(made_once: MadeOnce) -> Path:
+    return made_once("located", lambda folder: simulate(folder, preset="learning", seed=1001, labels=True))
 
 
 def unrolled(path: Path, **settings: object) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from bone_volumes import CELL, RAS, block, drilled, stated
+from made_once import MadeOnce
 from scipy import ndimage
 
 from endoct.base.errors import EndoctError
@@ -27,10 +28,11 @@ SHARP = Ct(voxel_mm=0.2, psf_mm=0.4, noise_hu=20, bone_hu=1500)
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("ct") / "specimen"
-    simulate(folder, preset="learning", seed=4, ranges={"bore.bone": ("network",)}, ct=True, cone_beam=True)
-    return folder
+def specimen(made_once: MadeOnce) -> Path:
+    ranges = {"bore.bone": ("network",)}
+    return made_once(
+        "scanned", lambda folder: simulate(folder, preset="learning", seed=4, ranges=ranges, ct=True, cone_beam=True)
+    )
 
 
 def opened(specimen: Path, name: str) -> tuple[Any, Any]:

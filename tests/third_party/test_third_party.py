@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from made_once import MadeOnce
 from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM
 
 from endoct.modalities import registry
@@ -22,14 +23,16 @@ RADIUS_MM, PITCH_MM, N_THETA = 1.25, 0.1, 720
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def installed(made_once: MadeOnce, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the package into a folder of its own, with nothing fetched."""
-    target = tmp_path_factory.mktemp("site")
     source = tmp_path_factory.mktemp("source") / "package"
     shutil.copytree(PACKAGE, source)  # pip builds inside the source folder
-    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", str(target)]
-    subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True)
-    return target
+
+    def install(target: Path) -> None:
+        options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target", str(target)]
+        subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True)
+
+    return made_once("site", install)
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +105,8 @@ def test_it_is_listed(installed: Path) -> None:
 
 
 def test_two_of_its_recordings_are_compared(installed: Path, walls: tuple[Path, Path], tmp_path: Path) -> None:
-    run = _endoct(installed, "compare", *map(str, walls), "-o", str(tmp_path / "out"), "--json")
+    words = ("-o", str(tmp_path / "out"), "--set", "n_theta=512", "--json")
+    run = _endoct(installed, "compare", *map(str, walls), *words)
     assert run.returncode == 0, run.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
     assert result["sides"] == ["profilometer-1", "profilometer-2"]

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import zarr
+from made_once import MadeOnce
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.masks import read_mask
@@ -62,10 +63,8 @@ def test_help_fits_a_terminal_of_sensible_width(
 
 
 @pytest.fixture(scope="module")
-def compared(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("compared") / "comparison"
-    compare(quick_specimen / "endoscope", quick_specimen / "oct", folder)
-    return folder
+def compared(quick_specimen: Path, made_once: MadeOnce) -> Path:
+    return made_once("comparison", lambda folder: compare(quick_specimen / "endoscope", quick_specimen / "oct", folder))
 
 
 def test_compare_writes_what_the_design_fixes(compared: Path, quick_specimen: Path) -> None:
@@ -180,6 +179,7 @@ def test_python_and_command_line_give_the_same(short: Path, tmp_path: Path, run:
     assert stored.per_frame.keys() == made.per_frame.keys()
 
 
+@pytest.mark.usefixtures("without_report")
 def test_panoramas_compare_like_their_recordings(
     compared: Path, quick_specimen: Path, tmp_path: Path, run: Run
 ) -> None:
@@ -195,6 +195,7 @@ def test_panoramas_compare_like_their_recordings(
     assert json.loads(said)["truth"][str(truth)]["oct"]["jaccard"] > 0.7
 
 
+@pytest.mark.usefixtures("without_report")
 def test_a_mask_drawn_over_a_panorama_is_a_side_and_a_truth(compared: Path, tmp_path: Path, run: Run) -> None:
     oct_store = compared / "panoramas" / "oct.zarr"
     panorama = load_panorama(oct_store)
@@ -259,6 +260,7 @@ def test_a_doubt_of_one_recording_is_said_once_and_status_3_if_strict(
     assert load_panorama(store).doubts[0].to_json() == doubt
 
 
+@pytest.mark.usefixtures("without_report")
 def test_scores_against_truth_are_printed(compared: Path, quick_specimen: Path, tmp_path: Path, run: Run) -> None:
     a, b = (compared / "panoramas" / f"{name}.zarr" for name in ("endoscope", "oct"))
     truth = quick_specimen / "truth"
@@ -279,6 +281,7 @@ def test_a_recording_is_not_compared_with_itself(short: Path, tmp_path: Path, ru
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.usefixtures("without_report")
 def test_a_copy_of_a_recording_is_compared_with_a_doubt(short: Path, tmp_path: Path, run: Run) -> None:
     shutil.copytree(short / "oct", tmp_path / "copy")
     status, said = run("compare", short / "oct", tmp_path / "copy", "-o", tmp_path / "c", "--strict", *COARSE)

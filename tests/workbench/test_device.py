@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from made_once import MadeOnce
 from tolerances import ON_DEVICE_LIGHT_REL, ON_DEVICE_WALL_SHARE, SAME_WALL_MM
 
 from endoct.modalities.endoscope.plugin import EndoscopeModality
@@ -23,10 +24,8 @@ Run = Callable[..., tuple[int, list[str]]]
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("device") / "specimen"
-    simulate(folder, preset="learning", seed=22, spectra=True)
-    return folder
+def specimen(made_once: MadeOnce) -> Path:
+    return made_once("with_spectra", lambda folder: simulate(folder, preset="learning", seed=22, spectra=True))
 
 
 @pytest.fixture

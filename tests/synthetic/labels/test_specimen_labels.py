@@ -3,12 +3,14 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
 import xarray as xr
+from made_once import MadeOnce
 from tolerances import CHAIN_DB, SAME_ASCAN, SAME_PLACE_MM, SAME_SLICE, SURFACE_PX
 
 from endoct.synthetic.specimen import simulate
@@ -18,11 +20,10 @@ FACE, DETECTOR = 1, 4
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("labelled") / "specimen"
+def specimen(made_once: MadeOnce) -> Path:
     ranges = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "bore.fluid": (0.2, 0.2)}
-    simulate(folder, preset="learning", seed=21, ranges=ranges, labels=True, spectra=True)
-    return folder
+    options: dict[str, Any] = {"preset": "learning", "seed": 21, "ranges": ranges, "labels": True, "spectra": True}
+    return made_once("labelled", lambda folder: simulate(folder, **options))
 
 
 @pytest.fixture(scope="module")

@@ -47,10 +47,19 @@ def _sent_to_workers() -> Iterator[None]:
     cloudpickle.unregister_pickle_by_value(cheap_specimens)
 
 
-@pytest.fixture
-def by_one(tmp_path: Path) -> dict[str, bytes]:
-    make_dataset(tmp_path / "by one", PLAN, workers=1, make=Cheap(tmp_path / "log of one"))
-    return contents(tmp_path / "by one")
+@pytest.fixture(scope="module", autouse=True)
+def small_sheet() -> Iterator[None]:
+    """Show two specimens on the contact sheet, whose drawing takes longer than all else here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("endoct.workbench.dataset.overview.N_SPECIMENS", 2)
+        yield
+
+
+@pytest.fixture(scope="module")
+def by_one(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    place = tmp_path_factory.mktemp("by one")
+    make_dataset(place / "set", PLAN, workers=1, make=Cheap(place / "log"))
+    return contents(place / "set")
 
 
 def test_a_killed_worker_costs_nothing_but_what_it_was_at(tmp_path: Path, by_one: dict[str, bytes]) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from kept_process import KeptProcess
 from workbench_page import written
 
 from endoct.workbench.commands.opening import ON_THE_PAGE
@@ -27,7 +28,9 @@ def study(short: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Iterator[Desk]:
+def desk(tmp_path: Path, kept_process: KeptProcess, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
+    """A desk that draws in the process that all commands share."""
+    monkeypatch.setattr("endoct.workbench.desk.sidecar_form.worker_process", kept_process.lent)
     made = Desk(State(tmp_path / "state"), ON_THE_PAGE)
     yield made
     made.previewer.close()

@@ -345,12 +345,13 @@ def test_the_offline_file_has_it_too(chromium: Any, comparison: Path, tmp_path: 
 def test_the_volume_stands_where_it_belongs(chromium: Any, tmp_path: Path):
     """A bright part of a dark volume: θ = 20/128 of a turn, z = 1 mm, r = 1.32 to 1.48 mm, seen along the axis."""
     store = write_volume_store(tmp_path / "bright.zarr", (30, 128, 40), at=(10, 20, 25), spread=(1, 4, 4))
-    with serving(store) as served, opened(chromium, served.url) as page:
+    small = {"width": 800, "height": 560}  # each drawing of the volume takes a processor a second and more
+    with serving(store) as served, opened(chromium, served.url, viewport=small) as page:
         page.page.locator(".pane").nth(1).locator(".bar select").select_option("viridis")
         open_cylinder(page)
         enlarge(page)
         look(page, "in")
-        choose(page, layer="oct-relief", shape="volume")  # from here on each drawing takes seconds of a processor
+        choose(page, layer="oct-relief", shape="volume")
         picture = shown(page)
         rows, columns = np.nonzero(picture[..., 0] - picture[..., 2] > 60)  # yellow, the end of viridis
         assert rows.size > 50

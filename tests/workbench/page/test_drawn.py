@@ -77,6 +77,7 @@ def test_one_drawn_mask_is_outlined_from_the_outset(chromium: Any, tmp_path: Pat
         assert switch.get_attribute("aria-pressed") == "true"
 
 
+@pytest.mark.usefixtures("without_report")
 def test_compare_leaves_what_was_drawn_to_be_looked_at(tmp_path: Path):
     pair = make_pair(2, theta_shift_rad=1.0)
     masks = []

@@ -27,11 +27,9 @@ from endoct.workbench.page.shown import frames_part
 
 
 @pytest.fixture(scope="module")
-def endoscope(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def endoscope(walls: Path) -> Path:
     """A panorama whose recording is at hand."""
-    store = tmp_path_factory.mktemp("unrolled") / "endoscope.zarr"
-    unroll(short / "endoscope", store, progress=False)
-    return store
+    return walls / "endoscope" / "wall.zarr"
 
 
 def read(reader: Reader) -> Reader:

@@ -18,15 +18,12 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import differences, read_contents
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama, save_panorama
-from endoct.workbench import unroll
 from endoct.workbench.page.report import write_panorama_report, write_report
 
 
 @pytest.fixture(scope="module")
-def store(short: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("recording") / "wall.zarr"
-    unroll(short / "oct", made, progress=False)
-    return made
+def store(walls: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copytree(walls / "oct" / "wall.zarr", tmp_path_factory.mktemp("recording") / "wall.zarr"))
 
 
 def digests(folder: Path) -> dict[Path, str]:

@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from endoct.workbench import compare, unroll
 from endoct.workbench.report.pictures import PICTURES, load_pictures
 
 
+@pytest.mark.usefixtures("without_report")
 def test_a_comparison_has_the_pictures_of_its_panoramas(short: Path, tmp_path: Path) -> None:
     stores = []
     for name in ("first", "second"):

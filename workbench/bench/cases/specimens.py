@@ -15,7 +15,6 @@ from numpy.random import Generator
 from endoct.base.arrays import Mask
 from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import TemporaryFolder
-from endoct.fusion.files.masks import read_mask
 from endoct.fusion.geometry.placement import IN_PLACE, Placement, check_same_bore
 from endoct.modalities.reading.recording import IMAGE_SUFFIXES
 from endoct.stitching.panorama import Panorama
@@ -24,7 +23,6 @@ from endoct.synthetic.bone.drawn_cells import CutWall, draw_holes
 from endoct.synthetic.sample.parameters import Bore, Cell
 from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.synthetic.sample.ranges import PARTS, choices, default_ranges
-from endoct.workbench import api
 from endoct.workbench.bench.task import Range, rng_of
 from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose
 
@@ -117,6 +115,8 @@ def truths_of(specimen: Path, panorama: Panorama) -> Mapping[str, Mask]:
 
 def drawn_cells(path: Path, panorama: Panorama) -> Mask:
     """Return the cells of a mask drawn by hand on the panorama's samples, bool (n_z, n_theta)."""
+    from endoct.fusion.files.masks import read_mask
+
     drawn = read_mask(path, like=panorama)
     check_same_bore(panorama.grid.radius_mm, drawn.grid.radius_mm)
     placement = Placement.averaging(drawn.grid, IN_PLACE, panorama.grid)
@@ -136,6 +136,8 @@ def recordings_in(specimen: Path) -> list[Path]:
 
 def load_side(folder: Path, name: str) -> Panorama:
     """Return the panorama ``NAME.zarr`` in a folder, or the recording ``NAME`` unrolled."""
+    from endoct.workbench import api  # programs apart from the truth load this module too
+
     return load_panorama(stored) if is_panorama(stored := folder / f"{name}.zarr") else api.unroll(folder / name)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import gaussian, wrap_rad
@@ -101,7 +101,7 @@ def _as_oct(
     signal = 10 ** (conditions["signal_db"] / 10) * np.where(wall.cell, 10 ** (CELL_ECHO_DB / 10), 1.0)
     speckle = np.kron(rng.gamma(SPECKLES, 1 / SPECKLES, blocks), np.ones(wide))
     # the strongest of many samples of noise, drawn at once
-    strongest = stats.gamma.ppf(rng.random(blocks) ** (1 / DEPTH_SAMPLES), SPECKLES, scale=1 / SPECKLES)
+    strongest = special.gammaincinv(SPECKLES, rng.random(blocks) ** (1 / DEPTH_SAMPLES)) * (1 / SPECKLES)
     noise = np.kron(strongest, np.ones(wide))
     echo = (1 + signal) * speckle
     blur = np.kron(rng.normal(size=blocks), np.ones(wide)) * RESOLUTION_MM * (1 + 1 / np.sqrt(signal))

@@ -19,7 +19,6 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
-from endoct.workbench import api
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated
 from endoct.workbench.bench.program import read_array, write_array, write_panorama
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Exchange, Range, Task, draw
@@ -119,6 +118,8 @@ def judge(case: Case[Views, Depths], answer: object) -> dict[str, float]:
 
 def ours(views: Views) -> Image:
     """Return depth as `endoct compare` takes it: by parallax, relative to the wall. NaN where it is not known."""
+    from endoct.workbench import api
+
     side = Side("endoscope", api.unroll(views.recording))
     if side.parallax is None:
         raise Declined("the depth is not known: no optics are stated, or frames agree on too little")

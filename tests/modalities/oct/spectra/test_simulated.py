@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_once import MadeOnce
 from tolerances import RAW_SPECTRA_DB, REBUILT_DB, SAME_WALL_MM
 
 from endoct.modalities.conformance import CHECKS, Check, Subject
@@ -26,11 +27,11 @@ N = 1024
 
 
 @pytest.fixture(scope="module")
-def specimen(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("raw") / "specimen"
+def specimen(made_once: MadeOnce) -> Path:
     ranges: dict[str, Any] = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "oct.wall_db": (20.0, 20.0)}
-    simulate(folder, preset="learning", seed=22, ranges=ranges, spectra=True)
-    return folder
+    return made_once(
+        "raw_spectra", lambda folder: simulate(folder, preset="learning", seed=22, ranges=ranges, spectra=True)
+    )
 
 
 @pytest.fixture(scope="module")

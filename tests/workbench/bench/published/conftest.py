@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from made_once import MadeOnce
 from published_sets import planned_specimen
 
 from endoct.workbench.bench.published import standings
@@ -20,15 +21,17 @@ def plan() -> Planned:
 
 
 @pytest.fixture(scope="session")
-def made_set(tmp_path_factory: pytest.TempPathFactory, plan: Planned) -> Path:
+def made_set(made_once: MadeOnce, plan: Planned) -> Path:
     """A set on disk. Tests must not change it."""
-    folder = tmp_path_factory.mktemp("published") / "set"
-    folder.mkdir()
-    specimens = [plan, planned_specimen("hard", 12)]
-    entries = tuple(make_specimen(folder, specimen, simulated_specimen) for specimen in specimens)
-    content = SpecimenSet(set="endoct-bench-2", half="public", size="small", key="", versions={}, specimens=entries)
-    (folder / SET_FILE).write_text(content.model_dump_json(), encoding="utf-8")
-    return folder
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        specimens = [plan, planned_specimen("hard", 12)]
+        entries = tuple(make_specimen(folder, specimen, simulated_specimen) for specimen in specimens)
+        content = SpecimenSet(set="endoct-bench-2", half="public", size="small", key="", versions={}, specimens=entries)
+        (folder / SET_FILE).write_text(content.model_dump_json(), encoding="utf-8")
+
+    return made_once("published_set", make)
 
 
 @pytest.fixture

@@ -4,10 +4,12 @@ import json
 import os
 import platform
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import pytest
+from distributed import Client
 from published_sets import tiny
 
 from endoct.base.errors import EndoctError
@@ -22,12 +24,21 @@ def made(output: Path, workers: int = 1) -> SpecimenSet:
     return make_set(output, "endoct-bench-2", workers=workers, stages=SilentStages())
 
 
+@contextmanager
+def cluster_here(_: int) -> Iterator[Client]:
+    """Work in this process, which has its libraries: enough to find what lies there."""
+    with Client(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as client:
+        yield client
+
+
 def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny())
     monkeypatch.setattr(making, "shipped_entries", lambda _: {})
     first = made(tmp_path / "set")
     assert [entry.name for entry in first.specimens] == ["simulator-easy-000"]  # the second generator has no writer
     assert read_set(tmp_path / "set") == first
+    monkeypatch.setattr("endoct.workbench.running.cluster.own_cluster", cluster_here)
+    monkeypatch.setattr(making, "_plainly", lambda job: job())
 
     def never(folder: Path, specimen: Planned) -> None:
         raise AssertionError(f"{specimen.name} was made again in {folder}")

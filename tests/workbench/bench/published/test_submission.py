@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from made_once import MadeOnce
 from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
@@ -83,10 +84,8 @@ def test_a_file_that_was_edited_is_no_submission(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def submitted(made_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("submitted") / "mine.json"
-    submit(made_set, "segmentation", path, methods=["li-depth", "k-means"], stages=SilentStages())
-    return path
+def submitted(made_set: Path, made_once: MadeOnce) -> Path:
+    return made_once("submitted.json", lambda path: run(made_set, path, methods=["li-depth", "k-means"]))
 
 
 def test_a_rerun_is_equal_to_the_last_digit(submitted: Path, made_set: Path) -> None:
