@@ -38,11 +38,10 @@ demo: $(VENV)/.ready-run
 	$(VENV)/bin/endoct demo -o demo --overwrite
 	@echo "The report: $(CURDIR)/demo/comparison/report.html (open it in a browser)"
 
-# Each process begins with its half of the list, so that what a folder's tests share is made once; who is done helps.
-# What is compiled is kept, whatever the environment says: tests start programs, and each would compile it anew
+# Each process begins with its half of the list, so that what a folder's tests share is made once; who is done helps
 test: $(VENV)/.ready-dev
 	@echo "Both processes look for the tests first (a quarter of a minute); then each dot is a test"
-	PYTHONDONTWRITEBYTECODE= $(RUN) pytest -m "not slow" --numprocesses=2 --dist=worksteal
+	$(RUN) pytest -m "not slow" --numprocesses=2 --dist=worksteal
 
 test-all: $(VENV)/.ready-dev lowest newest
 	$(RUN) pytest --numprocesses=2 --dist=worksteal
