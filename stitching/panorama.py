@@ -87,6 +87,7 @@ class Panorama:
 
     Arrays are read-only. Raises :class:`EndoctError` where shapes disagree, or a name is no plain one.
 
+    >>> import numpy as np
     >>> grid = SurfaceGrid.full_circle(20, 360, z0_mm=0.0, dz_mm=0.2, radius_mm=1.25)
     >>> image = np.ones(grid.shape, np.float32)
     >>> observed = np.broadcast_to(grid.z_mm[:, np.newaxis] < 3, grid.shape)
