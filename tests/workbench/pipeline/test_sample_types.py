@@ -111,7 +111,7 @@ def test_a_picture_that_fails_costs_no_panorama(
     def illustrate(self: Any, frame: Frame, calibration: Any) -> tuple[Picture, ...]:
         if frame.index == 1:
             raise ValueError("no such colour")
-        pictures = drawn(self, frame, calibration)
+        pictures = drawn(frame, calibration)
         return (replace(pictures[0], image=pictures[0].image.astype(np.int32)),) if frame.index == 2 else pictures
 
     monkeypatch.setattr(type(OCT), "illustrate", illustrate)
