@@ -159,13 +159,10 @@ def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Pat
 
 @dataclass(frozen=True)
 class Named:
-    """An array with its dims, attributes such as ``units``, and the shape of its chunks (None: as Zarr sees fit).
-
-    Where it is the parts of one along its first dim, they are not put together in memory.
-    """
+    """An array with its dims, attributes such as ``units``, and the shape of its chunks (None: as Zarr sees fit)."""
 
     dims: tuple[str, ...]
-    values: NDArray[Any] | tuple[NDArray[Any], ...]
+    values: NDArray[Any]
     attributes: Mapping[str, str] = field(default_factory=dict)
     chunks: tuple[int, ...] | None = None
 
@@ -181,14 +178,10 @@ def write_arrays(
     others = {"coordinates": " ".join(coordinates)} if coordinates else {}
     group = zarr.create_group(path, zarr_format=3, attributes={**attributes, **others})
     for name, array in arrays.items():
-        parts = array.values if isinstance(array.values, tuple) else (array.values,)
-        first = parts[0]
-        shape = (len(parts), *first.shape) if parts is array.values else first.shape
-        dtype = str if first.dtype.kind == "O" else first.dtype
-        sizes = dict(zip(array.dims, shape, strict=True))
+        sizes = dict(zip(array.dims, array.values.shape, strict=True))
+        dtype = str if array.values.dtype.kind == "O" else array.values.dtype
         made = new_array(group, name, sizes, dtype, chunks=array.chunks, attributes=array.attributes)
-        for k, part in enumerate(parts):
-            made[k if parts is array.values else ...] = part
+        made[...] = array.values
     consolidate(path)
     return group
 

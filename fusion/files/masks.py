@@ -152,8 +152,8 @@ def save_drawings(drawings: Sequence[Drawing], grid: SurfaceGrid, path: Path) ->
     """
     dims, chunks = ("drawing", "z", "theta"), (1, min(grid.n_z, 512), grid.n_theta)
     arrays = {
-        "mask": Named(dims, tuple(one.mask for one in drawings), {"long_name": "cells as drawn"}, chunks),
-        "valid": Named(dims, tuple(one.valid for one in drawings), {"long_name": "where it was drawn"}, chunks),
+        "mask": Named(dims, np.stack([one.mask for one in drawings]), {"long_name": "cells as drawn"}, chunks),
+        "valid": Named(dims, np.stack([one.valid for one in drawings]), {"long_name": "where it was drawn"}, chunks),
         "rater": Named(("drawing",), np.array([one.rater for one in drawings], object)),
         "session": Named(("drawing",), np.array([one.session for one in drawings], object)),
         "z": Named(("z",), grid.z_mm, {"units": "mm"}),

@@ -57,16 +57,14 @@ def cheapest_course(a: Evidence, b: Evidence, alignment: Alignment) -> Course | 
     spectra_x, spectra_y = (_spectra(values, side) for values, side in ((x, one), (y, two)))
     k, column = np.arange(N_THETA // 2 + 1)[:, None], np.arange(-columns, columns + 1)
     weight = np.where((k == 0) | (k == N_THETA // 2), 1, 2) / N_THETA
-    turned = weight * np.exp(2j * np.pi * k * column / N_THETA)
-    # only real parts are wanted: those of a product are half of its arithmetic
-    back = np.stack([turned.real, -turned.imag], axis=1).reshape(-1, column.size)
+    back = weight * np.exp(2j * np.pi * k * column / N_THETA)
     seen = both[rows].sum(axis=1)[:, np.newaxis]
     cost = np.empty((rows.size, 2 * margin + 1, column.size))
     there = np.conj(spectra_y[:, rows])
     for shift in range(2 * margin + 1):
         here = spectra_x[:, rows + shift - margin]
-        squares = (here[2] * there[0] - 2 * here[1] * there[1] + here[0] * there[2]).view(np.float64) @ back
-        count = (here[0] * there[0]).view(np.float64) @ back
+        squares = ((here[2] * there[0] - 2 * here[1] * there[1] + here[0] * there[2]) @ back).real
+        count = ((here[0] * there[0]) @ back).real
         excess = np.where(count > LEAST_SEEN * seen, squares / np.maximum(count, 1) - usual, NOT_SEEN * usual)
         cost[:, shift] = excess * seen
     cost *= STEP_MM * one.column_mm / INDEPENDENT_MM2 / (2 * usual)

@@ -102,10 +102,7 @@ def wall_from(sides: BothSides) -> Wall:
     """Return the wall by what both sides show of it."""
     probability, cells = cells_from(sides)
     relief_mm, error_mm = _relief(sides, cells)
-    decided = _decided(sides, cells)
-    for image in (probability, error_mm, decided):
-        image.flags.writeable = False  # or a panorama of them would be of copies
-    return Wall(sides.grid, probability, cells, relief_mm, error_mm, decided)
+    return Wall(sides.grid, probability, cells, relief_mm, error_mm, _decided(sides, cells))
 
 
 def cells_from(sides: BothSides) -> tuple[Image, Mask]:

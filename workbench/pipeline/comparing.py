@@ -121,6 +121,7 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         wall = None if joined is None else joined.wall.as_panorama(placed)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
         against = score_drawings(comparison, drawn, given.parameters.tolerance_mm)
+    give_back()
     unpictured: Mapping[str, tuple[str, ...]] = {}
     if folder is not None:
         with stages.stage("write"):
@@ -146,7 +147,6 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     }
     comparison = replace(comparison, result=comparison.result.model_copy(update=joint), wall=wall)
     del joined, placed  # a report needs much memory itself
-    give_back()
     comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
-from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.ranks import robust_sigma
@@ -137,9 +136,7 @@ def look(weights: Path, darkness: Evidence, relief: ParallaxRelief | None, input
     eye = eye_of(weights)[0]
     views = [inputs] if relief is None else [inputs, inputs_of(darkness, None, COARSE_MM)]
     with _one_thread():
-        probability = Probability(*(on_own_samples(_probability(eye, view), view, darkness) for view in views))
-    give_back()  # what the network made of every piece
-    return probability
+        return Probability(*(on_own_samples(_probability(eye, view), view, darkness) for view in views))
 
 
 @contextmanager
