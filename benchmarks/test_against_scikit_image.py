@@ -10,7 +10,7 @@ from skimage.filters import threshold_li
 from skimage.measure import ransac
 from skimage.transform import warp
 
-from endoct.base.numeric.least_squares import Sine, ransac_sine
+from endoct.base.numeric.sine import Sine, ransac_sine
 from endoct.fusion.segmentation.threshold import li_threshold
 from endoct.modalities.conformance import Subject
 from endoct.modalities.oct.bscan import reduce_theta, sector_angles_rad

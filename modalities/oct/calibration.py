@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.base.numeric.least_squares import Sine
+from endoct.base.numeric.sine import Sine
 from endoct.modalities.oct.face.course import Course
 from endoct.modalities.oct.face.face_circle import Capillary
 from endoct.modalities.oct.face.faces import Faces

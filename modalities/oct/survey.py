@@ -10,7 +10,7 @@ from endoct.base.arrays import Coordinates
 from endoct.base.compute.memory import Computed, Kept
 from endoct.base.compute.parallel import at_once, thread_map
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.least_squares import Sine, ransac_sine
+from endoct.base.numeric.sine import Sine, ransac_sine
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.oct.bscan import UPSIDE_DOWN, ascans_of, columns_of
 from endoct.modalities.oct.calibration import OctCalibration, notes_on_survey, per_slice_values

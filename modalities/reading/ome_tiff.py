@@ -21,7 +21,7 @@ import numpy as np
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import open_regular
-from endoct.base.files.json_values import MOST_BYTES, local_name, read_xml
+from endoct.base.files.xml_tree import MOST_BYTES, local_name, read_xml
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.physical_sizes import MM, SECONDS, Steps, in_units

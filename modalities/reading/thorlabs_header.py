@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 from endoct.base.errors import EndoctError
-from endoct.base.files.json_values import read_xml
+from endoct.base.files.xml_tree import read_xml
 from endoct.base.files.zip_members import key_of
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 

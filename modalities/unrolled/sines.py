@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import NotSeen
-from endoct.base.numeric.least_squares import Sine, ransac_sine
 from endoct.base.numeric.ranks import robust_sigma
+from endoct.base.numeric.sine import Sine, ransac_sine
 from endoct.stitching.grid import SurfaceGrid
 
 LEAST_BEAMS = 16

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from endoct.base.numeric.least_squares import Sine, ransac_sine
+from endoct.base.numeric.sine import Sine, ransac_sine
 
 TURN = 2 * np.pi * np.arange(256) / 256
 

@@ -3,8 +3,8 @@
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.base.files import json_values
-from endoct.base.files.json_values import local_name, read_xml
+from endoct.base.files import xml_tree
+from endoct.base.files.xml_tree import local_name, read_xml
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-8-sig"])
@@ -40,7 +40,7 @@ def test_what_is_none_or_defines_something_is_refused(data: bytes, said: str) ->
 def test_what_is_beyond_bounds_is_refused(
     name: str, limit: int, within: bytes, beyond: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(json_values, name, limit)
+    monkeypatch.setattr(xml_tree, name, limit)
     assert read_xml(within, "a file").tag == "a"
     with pytest.raises(EndoctError, match=r"too (many|large)|is too large"):
         read_xml(beyond, "a file")
