@@ -192,7 +192,8 @@ def dropped(watched: Watched, names: dict[str, str]) -> None:
 
 def test_dropped_files_are_copied_and_looked_at(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
-        dropped(watched, {"frame_0.txt": "{}", "note.txt": "of mine"})
+        with watched.page.expect_response(lambda response: "note.txt" in response.url):
+            dropped(watched, {"frame_0.txt": "{}", "note.txt": "of mine"})
         says(watched.page, ".desk [role=status]", "^2$")
         assert (study / "note.txt").read_text() == "of mine"
         dropped(watched, {"note.txt": "another"})
