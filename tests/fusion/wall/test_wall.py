@@ -96,19 +96,24 @@ def test_depth_is_taken_by_parallax_where_none_was_measured() -> None:
     assert (wall.error_mm[wall.cells & np.isfinite(wall.relief_mm)] >= 0.005).all()
 
 
-def test_probabilities_bound_cells_at_a_half_and_errors_are_lengths(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("beyond_mm", "scale"), [(0.1, 1.4), (0.9, 2.0), (1.3, 2.6)])
+def test_probabilities_bound_cells_at_a_half_and_errors_are_lengths(
+    beyond_mm: float, scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     cell = disc(2.5, 3.0, 0.4)
 
     def answered(network: str, features: NDArray[np.float32]) -> NDArray[np.float32]:
         odds = np.full((1, features.shape[1]), np.log(0.6 / 0.4), np.float32)  # a cell, by six to four
-        return odds if network == "cell" else np.vstack([0 * odds + 0.1, 0 * odds + np.log(0.05)]).astype(np.float32)
+        return (
+            odds if network == "cell" else np.vstack([0 * odds + beyond_mm, 0 * odds + np.log(0.05)]).astype(np.float32)
+        )
 
     monkeypatch.setattr("endoct.fusion.wall.wall.answers", answered)
     monkeypatch.setattr("endoct.fusion.wall.wall.AT_ONCE", 97)
     wall = wall_from(sides(cell, cell))
     assert (wall.cells >= cell).all()
-    assert np.median(wall.relief_mm[cell]) == pytest.approx(0.4, abs=0.01)  # 0.1 mm beyond what was measured
-    assert wall.error_mm[cell] == pytest.approx(1.35 * 0.05, rel=1e-5)
+    assert np.median(wall.relief_mm[cell]) == pytest.approx(0.3 + beyond_mm, abs=0.01)  # beyond what was measured
+    assert np.median(wall.error_mm[cell]) == pytest.approx(scale * 0.05, rel=0.02)
 
 
 def test_cells_of_under_a_hundredth_of_a_square_millimetre_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
