@@ -10,6 +10,7 @@ depth sample, or the pixel it came from.
 import argparse
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,7 @@ def _short(step: np.ndarray, label: str) -> np.ndarray:
     return np.stack([np.mod(step[:, 0] + np.pi, 2 * np.pi) - np.pi, step[:, 1]], axis=1)
 
 
+@cache
 def _unrolled(path: Path) -> tuple[Unrolled, TruePose]:
     made = unroll_recording(open_recording(path), SilentStages())
     return made, true_pose(made.panorama, load_truth(path.parent))
