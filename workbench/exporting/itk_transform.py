@@ -59,9 +59,9 @@ def _affine_lines(matrix: Coordinates, offset_mm: Coordinates) -> list[str]:
 
 
 def _field_lines(bend: Bend) -> list[str]:
-    """Return a bend as displacements of four corners of planes across the bore: ITK's linear interpolation turns all."""
+    """Return a bend as displacements of the corners of planes across the bore: in between, ITK interpolates linearly."""
     n_planes = int(np.ceil((bend.z_mm[-1] - bend.z_mm[0] + 2 * FIELD_REACH_MM) / FIELD_STEP_MM)) + 1
-    z_mm = bend.z_mm[0] - FIELD_REACH_MM + FIELD_STEP_MM * np.arange(n_planes)
+    z_mm: Coordinates = bend.z_mm[0] - FIELD_REACH_MM + FIELD_STEP_MM * np.arange(n_planes, dtype=np.float64)
     turned = np.exp(1j * bend.at(bend.roll_rad, z_mm)) - 1
     corners = FIELD_REACH_MM * np.array([-1 - 1j, 1 - 1j, -1 + 1j, 1 + 1j])
     across = turned[:, np.newaxis] * corners
