@@ -38,7 +38,20 @@ from endoct.fusion.geometry.placement import IN_PLACE, Placement
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.result import Bounds
 from endoct.fusion.scoring.overlap import jaccard
-from endoct.fusion.wall.bounds import FIGURES, LEVEL, Calibration, Known, bounded, expected_of, packaged
+from endoct.fusion.wall.bounds import (
+    FIGURES,
+    LEVEL,
+    ORDER,
+    THRESHOLDS,
+    Calibration,
+    Known,
+    bounded,
+    expected_of,
+    packaged,
+    share_needed,
+    shares_above,
+    threshold_at,
+)
 from endoct.fusion.wall.cells import join
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -72,12 +85,21 @@ def row_of(a: Panorama, b: Panorama, cell: Mask, name: str, seed: int) -> Row:
     truth = {name: jaccard(of[getattr(expected, name).of] & both, true & both, both) or 0.0 for name in indices}
     truth["area_mm2"] = int(np.count_nonzero(true & both)) * placed.grid.dz_mm * placed.grid.dtheta_mm
     rng = np.random.default_rng([zlib.crc32(name.encode()), seed])
+    known = both & np.isfinite(joined.wall.probability)
+    probability = joined.wall.probability[known]
+    stated, shown = (shares_above(probability, of) for of in (probability, true[known]))
+    truth |= {name: share_needed(name, stated[name], shown[name]) for name in ORDER}
     onto, drawings = Placement.averaging(a.grid, IN_PLACE, placed.grid), {}
     for rater in RATERS:
         mask, seen = onto.mask(drawing(cell, a.grid, rater, rng), np.ones(cell.shape, np.bool_))
         by_name = {side.name: jaccard(side.mask, mask, side.valid & seen) or 0.0 for side in placed.sides}
         drawings[rater] = {figure: by_name[getattr(expected, figure).of] for figure in FIGURES[:2]}
-    return row | {"expected": expected.model_dump(exclude_unset=True), "truth": truth, "drawn": drawings}
+    return row | {
+        "expected": expected.model_dump(exclude_unset=True),
+        "truth": truth,
+        "drawn": drawings,
+        "shares": {name: of.tolist() for name, of in stated.items()},
+    }
 
 
 def drawing(cell: Mask, grid: SurfaceGrid, rater: str, rng: np.random.Generator) -> Mask:
@@ -153,6 +175,13 @@ def table(rows: Sequence[Row], by: Calibration) -> Iterator[str]:
             some = part & alike
             if some.any():
                 yield f"    {name}: {held[some].sum()} of {some.sum()} held, width {width[some].mean():.3f}"
+    for name in ORDER:
+        at = np.array([threshold_at(name, np.array(row["shares"][name]), by) for row in rows], np.float64)
+        given = alike & np.isfinite(at)
+        known = np.searchsorted(THRESHOLDS, np.nan_to_num(at) - 1e-9).tolist()
+        held = np.array([row["shares"][name][k] >= row["truth"][name] for row, k in zip(rows, known, strict=True)])
+        each = ", ".join(f"{of} {held[part & given].sum()} of {(part & given).sum()}" for of, part in parts.items())
+        yield f"{name}_from: {held[given].mean():.0%} held, at {np.median(at[given]):.2f} in the median ({each})"
 
 
 def _constant(figure: str, by: Calibration) -> float:
