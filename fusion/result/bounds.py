@@ -28,7 +28,7 @@ class Bounded(Part):
 
 
 class Features(Part):
-    """What specimens are held against each other by, besides the Jaccard indices to expect.
+    """What specimens are held against each other by, besides indices to expect, and the area and number of cells.
 
     Attributes
     ----------

@@ -4,7 +4,7 @@ The probabilities of the one wall are calibrated. So they say what Jaccard index
 intersection over expected union. How far known specimens departed from that bounds it for a new one. Split conformal
 prediction promises that such bounds hold in a given share of specimens, of however few, if all are of one kind (Lei et
 al. 2018, doi:10.1080/01621459.2017.1307116). Whether this one is of their kind is tested: were it, its distance to its
-nearest neighbours would have any rank among theirs with equal probability.
+nearest neighbour would have any rank among theirs with equal probability.
 """
 
 import json
@@ -28,7 +28,6 @@ FEWEST = 9
 """Fewer known specimens promise nothing at this level."""
 LEAST_ALIKE = 0.05
 """A specimen so unlike the known ones by chance with a smaller probability is not of their kind."""
-NEIGHBOURS = 3
 WIDEST = 0.2
 """Wider bounds of a Jaccard index say little."""
 AREA = "area_mm2"
@@ -209,21 +208,23 @@ def _unit(name: str, expected: Bounds) -> float:
 def likeness(specimen: Bounds, others: Sequence[Bounds]) -> float:
     """Return how probable it is that one of the kind of ``others`` is so unlike them as ``specimen`` is, over 0 to 1.
 
-    Each is as unlike as its nearest neighbours among all are far. With n others, that is no less than 1/(n + 1).
+    Each is as unlike as its nearest neighbour among all is far. With n others, that is no less than 1/(n + 1).
     """
     places = np.array([_place(each) for each in (*others, specimen)])
     spread = places.std(axis=0)
     places = places / np.where(spread > 0, spread, 1)
     far = np.sqrt(((places[:, np.newaxis] - places) ** 2).sum(axis=-1))
     np.fill_diagonal(far, np.inf)
-    unlike = np.sort(far, axis=1)[:, : min(NEIGHBOURS, len(others))].mean(axis=1)
+    unlike = far.min(axis=1)
     return float((unlike >= unlike[-1]).mean())
 
 
 def _place(of: Bounds) -> Coordinates:
-    """Return the place of a specimen among others: the odds of its indices, and the logarithms of its features."""
+    """Return the place of a specimen among others: the odds of its indices, logarithms of its features and of cells."""
+    area_mm2 = of.area_mm2.expected
     indices = np.clip([of.light.expected, of.depth.expected, of.wall.expected], 0, 1)
-    features = np.array([getattr(of.features, name) for name in Features.model_fields])
+    features = [getattr(of.features, name) for name in Features.model_fields]
+    features += [area_mm2, area_mm2 / max(of.features.cell_mm2, 1e-3)]
     return np.concatenate([np.log((indices + 0.005) / (1.005 - indices)), np.log(np.maximum(features, 1e-3))])
 
 

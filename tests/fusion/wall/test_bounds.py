@@ -55,8 +55,11 @@ def test_nine_known_specimens_bound_by_the_farthest_and_nineteen_by_the_second()
     most = next(each for each in (bounded(specimen(rng), nineteen) for _ in range(9)) if each.light.low is not None)
     assert (most.light.low, most.light.high) == pytest.approx((0.72, 1.0))  # the 18th of 19, and no index beyond 1
     assert (most.area_mm2.low, most.area_mm2.high) == pytest.approx((6.4, 13.6))
-    twice = most.model_copy(update={"area_mm2": Bounded(of="wall", expected=20.0)})
-    assert bounded(twice, nineteen).area_mm2.high == pytest.approx(27.2)  # of an area, errors are shares
+    area = {"area_mm2": Bounded(of="wall", expected=20.0)}
+    twice = most.model_copy(update=area)
+    assert bounded(twice, nineteen).area_mm2.high is None  # all others have half as much, and half as many cells
+    first = Known(nineteen.known[0].expected.model_copy(update=area), {"area_mm2": 20.4})
+    assert bounded(twice, replace(nineteen, known=[first, *nineteen.known[1:]])).area_mm2.high == pytest.approx(27.2)
     eight = Calibration("", nine.known[:8])
     assert bounded(specimen(rng), eight).light.low is None
 
@@ -114,6 +117,22 @@ def test_a_specimen_of_another_kind_has_no_bounds_but_a_doubt() -> None:
     assert of_nine == pytest.approx(0.1)  # nine cannot say more
     assert bounded(specimen(rng, light=0.3), Calibration("", by.known[:9])).light.low is None
     assert list(doubts_of_bounds(None, asked=True)) == []
+
+
+@pytest.mark.parametrize("alike_in", ["cells", "area"])
+def test_a_specimen_with_fewer_cells_or_less_of_them_is_unlike(alike_in: str) -> None:
+    rng = np.random.default_rng(5)
+
+    def sized(one: Bounds, cell_mm2: float, share: float = 1.0, **features: float) -> Bounds:
+        area_mm2 = share * (100 * cell_mm2 if alike_in == "cells" else 40.0)
+        features = {"cell_mm2": cell_mm2} | features
+        area = Bounded(of="wall", expected=area_mm2)
+        return one.model_copy(update={"features": one.features.model_copy(update=features), "area_mm2": area})
+
+    others = [sized(specimen(rng), cell_mm2) for cell_mm2 in np.geomspace(0.1, 1.6, 30).tolist()]
+    mean = dict.fromkeys(("outline_per_mm", "depth_mm", "wall_spread_mm", "contrast"), 1.0)
+    assert likeness(sized(specimen(rng), 0.4, **mean), others) > 0.5
+    assert likeness(sized(specimen(rng), 0.4, 0.6, **mean), others) == pytest.approx(1 / 31)
 
 
 def test_wide_bounds_are_a_doubt_of_their_side() -> None:
