@@ -19,6 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from benchmarks.independent.judge import Wall, measured_place
 from benchmarks.independent.pair import make_pair, write_pair
@@ -46,7 +47,7 @@ class Aligned:
     """Errors of one pair along the bore (mm), around it (rad) and of the scale, those stated, and those without a bend.
 
     All are None where the pair was not aligned. ``cost``: by how much the Jaccard index of both sides is lower than
-    without the drift, with the bend and without.
+    without the drift, with the bend and without; where nothing is disturbed, than by the true place.
     """
 
     drift: str
@@ -142,7 +143,9 @@ def aligned(job: tuple[str, int], *, drift: bool) -> tuple[str, Aligned]:
     around_rad = float(wrap_rad(np.float64(found.theta_shift_rad - truth.theta_shift_rad)))
     to_middle = np.array([[0, 1, -middle_mm if found.z_reversed else middle_mm], [1, 0, 0], [0, 0, 1.0]])
     stated = np.sqrt(np.diag(to_middle @ np.array(found.covariance) @ to_middle.T))
-    return name, Aligned(kind, np.array([along_mm, around_rad, found.z_scale - truth.z_scale]), stated)
+    errors = np.array([along_mm, around_rad, found.z_scale - truth.z_scale])
+    of_found, of_truth = (compare_placed(sides, placed.cells, of, parameters).result.jaccard for of in (found, truth))
+    return name, Aligned(kind, errors, stated, cost=((of_truth or nan) - (of_found or nan), nan))
 
 
 def line_of(name: str, every: list[Aligned]) -> str:
@@ -165,9 +168,16 @@ def line_of(name: str, every: list[Aligned]) -> str:
             f"cost of the index {_cost([one.cost[0] for one in every if one.cost])}, of the bent "
             f"{_cost([one[0] for one in bent])}, of these without a bend {_cost([one[1] for one in bent])}"
         )
-    within = np.abs(errors / np.array([one.stated for one in every if one.errors is not None]))
+    stated = np.array([one.stated for one in every if one.errors is not None])
+    within = np.abs(errors / stated)
     shares = ", ".join(f"{share:.0%}" for share in (within < 2).mean(axis=0))
-    return f"{line}; within two σ along, around, scale {shares}"
+    most = " and ".join(np.array2string(np.quantile(of, 0.9, axis=0), precision=4) for of in (np.abs(errors), within))
+    ranks = ", ".join(f"{spearmanr(*of).statistic:.2f}" for of in zip(stated.T, np.abs(errors).T, strict=True))
+    of_truth = np.array([one.cost[0] for one in every if one.cost])
+    return (
+        f"{line}; within two σ along, around, scale {shares}; nine in ten within {most} σ; Spearman of σ and error "
+        f"{ranks}; the index by the true place {np.nanmedian(of_truth):+.3f}, at most {np.nanmax(np.abs(of_truth)):.3f}"
+    )
 
 
 def _cost(values: list[float]) -> str:

@@ -4,6 +4,8 @@ from endoct.fusion.result.scores import Count, Number, Part
 
 LEAST_SPREAD = 0.01
 """However sure the wall is, truths lie this far from it."""
+SHARE = 0.95
+"""What ``found_from`` and ``sure_from`` promise of an area."""
 
 
 class Bounded(Part):
@@ -26,7 +28,7 @@ class Bounded(Part):
 
 
 class Features(Part):
-    """What specimens are held against each other by, besides the Jaccard indices to expect.
+    """What specimens are held against each other by, besides indices to expect, and the area and number of cells.
 
     Attributes
     ----------
@@ -55,6 +57,9 @@ class Bounds(Part):
     level: the share of specimens of which the bounds of each figure hold.
     calibrated_by: what known specimens the bounds rest on; ``specimens``, how many.
     alike: how probable a specimen so unlike the others is, were it one of them.
+    found_from: the highest probability of a cell such that :data:`SHARE` of the area of all cells has no lower one.
+    sure_from: the lowest such that :data:`SHARE` of the area with no lower one is cell. Both are None where nothing is
+        promised, or no probability does it.
     """
 
     light: Bounded
@@ -66,6 +71,8 @@ class Bounds(Part):
     calibrated_by: str | None = None
     specimens: Count | None = None
     alike: Number | None = None
+    found_from: Number | None = None
+    sure_from: Number | None = None
 
     @property
     def spread(self) -> float:
@@ -82,4 +89,9 @@ class Bounds(Part):
         elif self.alike is not None:
             held += f", as it is unlike the {self.specimens} {self.calibrated_by} (p = {self.alike:.2f})"
         area = f"{self.area_mm2.text(1)} mm² of cells"
+        if self.found_from is not None and self.sure_from is not None:
+            area += (
+                f"; {SHARE:.0%} of their area has a probability of {self.found_from:.2f} or more, and {SHARE:.0%} of "
+                f"what has {self.sure_from:.2f} or more is cell"
+            )
         return f"Jaccard index to expect against the truth: {indices}; {area}; {held}."

@@ -4,7 +4,7 @@ The probabilities of the one wall are calibrated. So they say what Jaccard index
 intersection over expected union. How far known specimens departed from that bounds it for a new one. Split conformal
 prediction promises that such bounds hold in a given share of specimens, of however few, if all are of one kind (Lei et
 al. 2018, doi:10.1080/01621459.2017.1307116). Whether this one is of their kind is tested: were it, its distance to its
-nearest neighbours would have any rank among theirs with equal probability.
+nearest neighbour would have any rank among theirs with equal probability.
 """
 
 import json
@@ -15,9 +15,10 @@ from importlib.resources import files
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.doubt import Doubt
 from endoct.fusion.result import Bounded, Bounds, Features, Result
+from endoct.fusion.result.bounds import SHARE
 from endoct.fusion.segmentation.by_eye import expected_jaccard
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.cells import Joined
@@ -27,17 +28,22 @@ FEWEST = 9
 """Fewer known specimens promise nothing at this level."""
 LEAST_ALIKE = 0.05
 """A specimen so unlike the known ones by chance with a smaller probability is not of their kind."""
-NEIGHBOURS = 3
 WIDEST = 0.2
 """Wider bounds of a Jaccard index say little."""
 AREA = "area_mm2"
 FIGURES = ("light", "depth", "wall", AREA)
 PACKAGED = "bounds.json"
+THRESHOLDS = np.linspace(0.01, 0.99, 99)
+ORDER = {"found": slice(None), "sure": slice(None, None, -1)}
+"""How thresholds follow each other for what is found above one, and for how sure it is, the highest share first."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """A specimen of which the truth is known: what was expected of it, and the ``truth`` of some ``FIGURES``."""
+    """A specimen of which the truth is known: what was expected of it, and the ``truth`` of some ``FIGURES``.
+
+    With the truth of the wall's samples it has "found" and "sure", too, see :func:`share_needed`.
+    """
 
     expected: Bounds
     truth: Mapping[str, float]
@@ -106,8 +112,42 @@ def expected_of(placed: Placed, joined: Joined, result: Result) -> Bounds | None
 
 def bounds_of(placed: Placed, joined: Joined, result: Result, by: Calibration | None = None) -> Bounds | None:
     """Return what to expect of cells as :func:`expected_of` does, bounded ``by`` known specimens or those packaged."""
-    expected = expected_of(placed, joined, result)
-    return None if expected is None else bounded(expected, by or packaged())
+    expected, by = expected_of(placed, joined, result), by or packaged()
+    if expected is None:
+        return None
+    found = bounded(expected, by)
+    if not is_alike(found):
+        return found
+    both = placed.sides[0].valid & placed.sides[1].valid & np.isfinite(joined.wall.probability)
+    probability = joined.wall.probability[both]
+    shares = shares_above(probability, probability)
+    return found.model_copy(update={f"{name}_from": threshold_at(name, shares[name], by) for name in ORDER})
+
+
+def shares_above(probability: Image, cell: Image | Mask) -> dict[str, Coordinates]:
+    """Return by threshold what share of all cells has no lower ``probability`` ("found"), and is cell of that ("sure").
+
+    ``cell`` says which samples are one; or how probable that is, for shares to expect. All are (n,).
+    """
+    passed = np.searchsorted(THRESHOLDS, probability, side="right")
+    cells, above = (np.bincount(passed, of, THRESHOLDS.size + 1)[:0:-1].cumsum()[::-1] for of in (cell, None))
+    return {"found": cells / cell.sum(dtype=np.float64), "sure": np.where(above > 0, cells / np.maximum(above, 1), 1.0)}
+
+
+def share_needed(name: str, expected: Coordinates, true: Coordinates) -> float:
+    """Return the lowest share to expect from which on the true one is :data:`SHARE` or more; 1 where none is.
+
+    Both are by threshold what :func:`shares_above` calls ``name``.
+    """
+    enough = int(np.logical_and.accumulate(true[ORDER[name]] >= SHARE).sum())
+    return float(expected[ORDER[name]][enough - 1]) if enough else 1.0
+
+
+def threshold_at(name: str, expected: Coordinates, by: Calibration) -> float | None:
+    """Return the last threshold at which the share to expect is as high as ``LEVEL`` of known specimens needed it."""
+    needed = _reach([known.truth[name] for known in by.known if name in known.truth])
+    reached = THRESHOLDS[ORDER[name]][expected[ORDER[name]] >= needed]
+    return float(reached[-1]) if reached.size else None
 
 
 def _outline_mm(cells: Mask, dz_mm: float, column_mm: float) -> float:
@@ -123,9 +163,15 @@ def bounded(expected: Bounds, by: Calibration) -> Bounds:
     """
     alike = likeness(expected, [known.expected for known in by.known])
     said = {"level": LEVEL, "calibrated_by": by.by, "specimens": len(by.known), "alike": alike}
-    if alike > least_alike(len(by.known)):
-        said |= {name: _bounded(name, expected, by) for name in FIGURES}
-    return expected.model_copy(update=said)
+    found = expected.model_copy(update=said)
+    return (
+        found.model_copy(update={name: _bounded(name, expected, by) for name in FIGURES}) if is_alike(found) else found
+    )
+
+
+def is_alike(bounds: Bounds) -> bool:
+    """Return whether a specimen is not told to be unlike those that bound it."""
+    return bounds.alike is not None and bounds.alike > least_alike(bounds.specimens or 0)
 
 
 def least_alike(n: int) -> float:
@@ -136,13 +182,17 @@ def least_alike(n: int) -> float:
 def _bounded(name: str, expected: Bounds, by: Calibration) -> Bounded:
     of: Bounded = getattr(expected, name)
     known = [each for each in by.known if name in each.truth]
-    scores = np.sort([_score(name, each) for each in known])
-    rank = int(np.ceil((len(scores) + 1) * LEVEL - 1e-9))
-    if rank > len(scores):
+    reach = _reach([_score(name, each) for each in known]) * _unit(name, expected)
+    if np.isinf(reach):
         return of
-    reach = float(scores[rank - 1]) * _unit(name, expected)
     highest = np.inf if name == AREA else 1.0
     return of.model_copy(update={"low": max(of.expected - reach, 0.0), "high": min(of.expected + reach, highest)})
+
+
+def _reach(scores: Sequence[float]) -> float:
+    """Return what a further score exceeds in no more than 1 − ``LEVEL`` of all cases; ∞ where these are too few."""
+    rank = int(np.ceil((len(scores) + 1) * LEVEL - 1e-9))
+    return float(np.sort(scores)[rank - 1]) if rank <= len(scores) else np.inf
 
 
 def _score(name: str, known: Known) -> float:
@@ -158,21 +208,23 @@ def _unit(name: str, expected: Bounds) -> float:
 def likeness(specimen: Bounds, others: Sequence[Bounds]) -> float:
     """Return how probable it is that one of the kind of ``others`` is so unlike them as ``specimen`` is, over 0 to 1.
 
-    Each is as unlike as its nearest neighbours among all are far. With n others, that is no less than 1/(n + 1).
+    Each is as unlike as its nearest neighbour among all is far. With n others, that is no less than 1/(n + 1).
     """
     places = np.array([_place(each) for each in (*others, specimen)])
     spread = places.std(axis=0)
     places = places / np.where(spread > 0, spread, 1)
     far = np.sqrt(((places[:, np.newaxis] - places) ** 2).sum(axis=-1))
     np.fill_diagonal(far, np.inf)
-    unlike = np.sort(far, axis=1)[:, : min(NEIGHBOURS, len(others))].mean(axis=1)
+    unlike = far.min(axis=1)
     return float((unlike >= unlike[-1]).mean())
 
 
 def _place(of: Bounds) -> Coordinates:
-    """Return the place of a specimen among others: the odds of its indices, and the logarithms of its features."""
+    """Return the place of a specimen among others: the odds of its indices, logarithms of its features and of cells."""
+    area_mm2 = of.area_mm2.expected
     indices = np.clip([of.light.expected, of.depth.expected, of.wall.expected], 0, 1)
-    features = np.array([getattr(of.features, name) for name in Features.model_fields])
+    features = [getattr(of.features, name) for name in Features.model_fields]
+    features += [area_mm2, area_mm2 / max(of.features.cell_mm2, 1e-3)]
     return np.concatenate([np.log((indices + 0.005) / (1.005 - indices)), np.log(np.maximum(features, 1e-3))])
 
 
@@ -183,12 +235,14 @@ def doubts_of_bounds(bounds: Bounds | None, *, asked: bool) -> Iterator[Doubt]:
     """
     if bounds is None:
         return
-    if asked and bounds.alike is not None and bounds.alike <= (least := least_alike(bounds.specimens or 0)):
+    if asked and bounds.alike is not None and not is_alike(bounds):
         what = (
             f"How far off its cells are is not promised: this specimen is unlike the {bounds.specimens} by which that "
             f"was calibrated ({bounds.calibrated_by}; p = {bounds.alike:.2f})."
         )
-        yield Doubt("error-not-bounded", what, value=bounds.alike, unit="1", expected=(least, 1.0))
+        yield Doubt(
+            "error-not-bounded", what, value=bounds.alike, unit="1", expected=(least_alike(bounds.specimens or 0), 1.0)
+        )
     for of in (bounds.light, bounds.depth):
         if of.low is not None and of.high is not None and of.high - of.low > WIDEST:
             what = f"The truth would give its cells a Jaccard index anywhere between {of.low:.2f} and {of.high:.2f}."

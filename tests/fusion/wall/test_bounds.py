@@ -20,6 +20,8 @@ from endoct.fusion.wall.bounds import (
     expected_of,
     likeness,
     packaged,
+    share_needed,
+    shares_above,
 )
 from endoct.fusion.wall.cells import join
 
@@ -53,8 +55,11 @@ def test_nine_known_specimens_bound_by_the_farthest_and_nineteen_by_the_second()
     most = next(each for each in (bounded(specimen(rng), nineteen) for _ in range(9)) if each.light.low is not None)
     assert (most.light.low, most.light.high) == pytest.approx((0.72, 1.0))  # the 18th of 19, and no index beyond 1
     assert (most.area_mm2.low, most.area_mm2.high) == pytest.approx((6.4, 13.6))
-    twice = most.model_copy(update={"area_mm2": Bounded(of="wall", expected=20.0)})
-    assert bounded(twice, nineteen).area_mm2.high == pytest.approx(27.2)  # of an area, errors are shares
+    area = {"area_mm2": Bounded(of="wall", expected=20.0)}
+    twice = most.model_copy(update=area)
+    assert bounded(twice, nineteen).area_mm2.high is None  # all others have half as much, and half as many cells
+    first = Known(nineteen.known[0].expected.model_copy(update=area), {"area_mm2": 20.4})
+    assert bounded(twice, replace(nineteen, known=[first, *nineteen.known[1:]])).area_mm2.high == pytest.approx(27.2)
     eight = Calibration("", nine.known[:8])
     assert bounded(specimen(rng), eight).light.low is None
 
@@ -114,6 +119,22 @@ def test_a_specimen_of_another_kind_has_no_bounds_but_a_doubt() -> None:
     assert list(doubts_of_bounds(None, asked=True)) == []
 
 
+@pytest.mark.parametrize("alike_in", ["cells", "area"])
+def test_a_specimen_with_fewer_cells_or_less_of_them_is_unlike(alike_in: str) -> None:
+    rng = np.random.default_rng(5)
+
+    def sized(one: Bounds, cell_mm2: float, share: float = 1.0, **features: float) -> Bounds:
+        area_mm2 = share * (100 * cell_mm2 if alike_in == "cells" else 40.0)
+        features = {"cell_mm2": cell_mm2} | features
+        area = Bounded(of="wall", expected=area_mm2)
+        return one.model_copy(update={"features": one.features.model_copy(update=features), "area_mm2": area})
+
+    others = [sized(specimen(rng), cell_mm2) for cell_mm2 in np.geomspace(0.1, 1.6, 30).tolist()]
+    mean = dict.fromkeys(("outline_per_mm", "depth_mm", "wall_spread_mm", "contrast"), 1.0)
+    assert likeness(sized(specimen(rng), 0.4, **mean), others) > 0.5
+    assert likeness(sized(specimen(rng), 0.4, 0.6, **mean), others) == pytest.approx(1 / 31)
+
+
 def test_wide_bounds_are_a_doubt_of_their_side() -> None:
     rng = np.random.default_rng(4)
     by = Calibration("", [Known(specimen(rng), {"light": 0.75, "depth": 0.84}) for _ in range(30)])
@@ -158,10 +179,39 @@ def test_what_is_expected_of_a_pair_follows_from_its_wall(pair: Pair) -> None:
     assert other is not None
     assert (other.light.of, other.depth.of) == (one.light.of, one.depth.of)
     assert other.specimens == len(packaged().known)
+    known = [Known(one, {"light": 0.7, "found": (0.9, 0.97)[k < 1], "sure": (0.98, 0.99)[k < 1]}) for k in range(19)]
+    sharp = bounds_of(placed, joined, result, Calibration("", known))
+    assert sharp is not None
+    assert sharp.found_from is not None
+    assert sharp.sure_from is not None
+    of_both = p[both]
+    found = [of_both[of_both >= at].sum() / of_both.sum() for at in (sharp.found_from, sharp.found_from + 0.01)]
+    assert found[0] >= 0.9 > found[1]
+    sure = [of_both[of_both >= at].mean() for at in (sharp.sure_from - 0.01, sharp.sure_from)]
+    assert sure[0] < 0.98 <= sure[1]
+    said = f"{sharp.found_from:.2f} or more, and 95% of what has {sharp.sure_from:.2f} or more is cell"
+    assert f"; 95% of their area has a probability of {said}; each holds" in sharp.sentence
+    few = bounds_of(placed, joined, result, Calibration("", known[:8]))
+    assert few is not None
+    assert (few.found_from, few.sure_from) == (None, None)
+
+
+def test_a_threshold_is_known_by_the_share_that_had_to_be_expected_for_it() -> None:
+    probability = np.array([0.25, 0.5, 0.5, 0.75], np.float32)
+    true = shares_above(probability, np.array([False, True, False, True]))
+    expected = shares_above(probability, probability)
+    at = [0, 24, 25, 49, 50, 74, 75]  # from 0.01, 0.25, 0.26, 0.5, 0.51, 0.75 and 0.76 on
+    assert true["found"][at] == pytest.approx([1, 1, 1, 1, 0.5, 0.5, 0])
+    assert true["sure"][at] == pytest.approx([0.5, 0.5, 2 / 3, 2 / 3, 1, 1, 1])  # of nothing all is cell
+    assert share_needed("found", expected["found"], true["found"]) == pytest.approx(1.75 / 2)
+    assert share_needed("sure", expected["sure"], true["sure"]) == pytest.approx(0.75)
+    assert share_needed("found", expected["found"], 0.9 * true["found"]) == 1.0
+    dips = np.where(np.arange(99) == 10, 0.5, true["found"])  # from where on it is enough, not where else
+    assert share_needed("found", expected["found"], dips) == 1.0
 
 
 def test_what_endoct_brings_along_knows_every_figure() -> None:
     assert len(packaged().known) >= 40
     for each in packaged().known:
-        assert set(each.truth) == {"light", "depth", "wall", "area_mm2"}
+        assert set(each.truth) == {"light", "depth", "wall", "area_mm2", "found", "sure"}
         assert abs(each.truth["wall"] - each.expected.wall.expected) < 0.2
