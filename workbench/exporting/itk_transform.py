@@ -59,7 +59,7 @@ def _affine_lines(matrix: Coordinates, offset_mm: Coordinates) -> list[str]:
 
 
 def _field_lines(bend: Bend) -> list[str]:
-    """Return a bend as displacements of the corners of planes across the bore: in between, ITK interpolates linearly."""
+    """Return a bend as displacements at corners of planes across the bore; ITK interpolates linearly in between."""
     n_planes = int(np.ceil((bend.z_mm[-1] - bend.z_mm[0] + 2 * FIELD_REACH_MM) / FIELD_STEP_MM)) + 1
     z_mm: Coordinates = bend.z_mm[0] - FIELD_REACH_MM + FIELD_STEP_MM * np.arange(n_planes, dtype=np.float64)
     turned = np.exp(1j * bend.at(bend.roll_rad, z_mm)) - 1
