@@ -25,7 +25,7 @@ from endoct.stitching.panorama import Panorama
 
 RADIUS_MM, LENGTH_MM, ROWS_OFF = 48.0, 3000.0, 12
 # the row and the column of a plane's highest and of its lowest place, by eye; a few whole turns, then cut ones
-SEEN = {
+BY_EYE = {
     "optical": (
         [
             (-1, 60, 63, 250), (138, 40, 194, 222), (166, 62, 260, 235), (193, 50, 268, 245), (245, 50, 307, 220),
@@ -63,13 +63,13 @@ def shuffled(image: NDArray[np.float32], rng: np.random.Generator) -> Iterator[N
     yield np.stack([np.roll(column, rng.integers(column.size)) for column in image.T], axis=1)
 
 
-def matched(found: list[Plane], seen: list[tuple[int, ...]], dz_mm: float) -> list[int | None]:
-    """Return which plane found is each one seen, at most ``ROWS_OFF`` off in the root mean square."""
-    theta, free = np.radians(np.arange(0, 360, 5)), set(range(len(found)))
+def matched(planes: list[Plane], by_eye: list[tuple[int, ...]], dz_mm: float) -> list[int | None]:
+    """Return which of the planes is each one by eye, at most ``ROWS_OFF`` off in the root mean square."""
+    theta, free = np.radians(np.arange(0, 360, 5)), set(range(len(planes)))
     answers: list[int | None] = []
-    for top, _, bottom, column in seen:
+    for top, _, bottom, column in by_eye:
         rows = (top + bottom) / 2 + (bottom - top) / 2 * np.cos(theta - np.radians(column))
-        off = {k: float(np.sqrt(np.mean((found[k].z_at(theta) / dz_mm - rows) ** 2))) for k in free}
+        off = {k: float(np.sqrt(np.mean((planes[k].z_at(theta) / dz_mm - rows) ** 2))) for k in free}
         best = min(off, key=lambda k: off[k], default=None)
         answers.append(best if best is not None and off[best] <= ROWS_OFF else None)
         free -= {best} if answers[-1] is not None else set()
@@ -79,7 +79,7 @@ def matched(found: list[Plane], seen: list[tuple[int, ...]], dz_mm: float) -> li
 def images(folder: Path) -> None:
     """Print what was found of what a person saw."""
     rng = np.random.default_rng(0)
-    for name, (whole, cut) in SEEN.items():
+    for name, (whole, cut) in BY_EYE.items():
         image = np.asarray(Picture.open(folder / f"{name}.png").convert("RGB"))[..., 1].astype(np.float32)
         dz_mm = LENGTH_MM / len(image)
         side = side_of(image, dz_mm, RADIUS_MM)
