@@ -1,15 +1,22 @@
 """Planes that cut the bore: drawn as dark lines into a grainy wall, found again with their errors, and no cells."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.result import Plane
+from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.planes import find_planes, without_planes
+from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.fusion.sides import place
 from endoct.stitching.grid import SurfaceGrid
+from endoct.stitching.panorama import Panorama
 
 RADIUS_MM, DZ_MM = 1.25, 0.04
 GRID = SurfaceGrid.full_circle(150, 180, z0_mm=2.0, dz_mm=DZ_MM, radius_mm=RADIUS_MM, theta0_rad=0.3)
@@ -53,7 +60,7 @@ def test_errors_are_those_of_many_walls() -> None:
     values = []
     for seed in range(40):
         grain = np.random.default_rng(seed).normal(0, 0.15, GRID.shape).astype(np.float32)
-        (one,) = find_planes(wall(band(ACROSS), grain=grain))
+        (one,) = find_planes(wall(band(FLAT), grain=grain))
         values.append(
             (one.z_mm, one.dip_rad, one.azimuth_rad, one.z_error_mm, one.dip_error_rad, one.azimuth_error_rad)
         )
@@ -87,12 +94,51 @@ def test_what_is_no_thin_dark_line_is_no_plane() -> None:
     assert find_planes(wall(0.12 * band(FLAT))) == ()  # faint: 0.07, in a grain of 0.04
     assert find_planes(wall(band(FLAT, thick_mm=0.9))) == ()
     assert find_planes(wall(band(STEEP)[:, rng.permutation(GRID.n_theta)])) == ()
-    coarse = wall(band(FLAT))
-    every = slice(None, None, 8)
-    sparse = Evidence(
-        coarse.values[every], coarse.valid[every], coarse.z_mm[every], 8 * DZ_MM, 0.0, RADIUS_MM, "darkness"
-    )
-    assert find_planes(sparse) == ()
+    one_row = np.zeros(GRID.shape, np.bool_)
+    one_row[60] = True
+    assert len(find_planes(wall(one_row))) == 1
+    far = 0.26 * RADIUS_MM
+    assert find_planes(replace(wall(one_row), z_mm=far * np.arange(GRID.n_z), dz_mm=far)) == ()
+    smooth = 0.02 * GRAIN
+    assert len(find_planes(wall(0.3 * band(FLAT), grain=smooth))) == 1
+    assert find_planes(wall(0.13 * band(FLAT), grain=smooth)) == ()  # 0.08
+    dotted = band(FLAT) & (np.arange(GRID.n_theta) % 3 == 0)
+    assert find_planes(replace(wall(dotted), theta0_rad=0.0)) == ()
+
+
+def test_what_ends_with_the_image_or_beside_what_was_not_seen_is_no_line() -> None:
+    dark, valid = np.zeros(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)
+    dark[:2] = dark[-2:] = True
+    assert find_planes(wall(dark)) == ()
+    dark[60:63], valid[50:60], valid[63:73] = True, False, False
+    assert find_planes(wall(dark, valid)) == ()
+
+
+def test_planes_that_cut_the_axis_at_one_place_are_all_found() -> None:
+    found = find_planes(wall(band(STEEP) | band(plane(4.2, 55, 160))))
+    assert sorted(round(math.degrees(one.azimuth_rad)) for one in found) == [160, 340]
+
+
+def test_a_side_knows_its_planes_and_their_lines_are_no_cells() -> None:
+    """A hole of 96 mm; its planes lie in its own mm, and on a grid where the side is placed."""
+    scale = 48 / RADIUS_MM
+    grid = replace(GRID, z0_mm=scale * GRID.z0_mm, dz_mm=scale * DZ_MM, radius_mm=48.0)
+    pit = np.zeros(GRID.shape, np.bool_)
+    pit[100:115, 40:60] = True
+    light = (100 * np.exp(-GRAIN - 1.2 * (band(STEEP) | pit))).astype(np.float32)
+    seen = np.ones(GRID.shape, np.bool_)
+    side = Side("image", Panorama(grid, light, None, seen, seen.astype(np.float32), "image", True, True))
+    cells = segment_side(side, SegmentParameters(), "dark")
+    (found,) = cells.planes
+    assert found.radius_mm == 48
+    assert found.z_mm == pytest.approx(scale * STEEP.z_mm, abs=scale * 0.02)
+    assert cells.mask[pit].mean() > 0.8
+    assert cells.mask[band(STEEP)].mean() < 0.05
+    assert "without planes that cut the bore" in cells.of
+    where = Alignment(0.5, 10.0)
+    (placed,) = place(side, cells, Sampling(grid, where), grid).planes
+    assert placed == found.moved(where)
+    assert placed.z_mm == pytest.approx(found.z_mm + 10)
 
 
 def test_a_line_in_a_plane_is_no_cell_and_a_cavity_is_one() -> None:
@@ -106,6 +152,8 @@ def test_a_line_in_a_plane_is_no_cell_and_a_cavity_is_one() -> None:
     assert left[cavity].all()
     assert left[beside].all()
     assert not (left & line & ~np.roll(cavity, 3, 0) & ~np.roll(cavity, -3, 0) & ~cavity).any()
+    apart = np.roll(line, 12, axis=0)  # 0.48 mm beside the plane
+    assert np.array_equal(without_planes(apart, (STEEP,), GRID), apart)
     edge = np.zeros(GRID.shape, np.bool_)
     edge[:4] = True  # the end of z may cut a thick cell
     assert np.array_equal(without_planes(edge, (plane(2.05, 0, 0),), GRID), edge)
