@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from endoct.base.arrays import Coordinates
+from endoct.base.compute.worker_process import worker_process
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import check_array_size, open_regular, read_small, state_of
 from endoct.modalities.reading.format import Files, Format, Frames, Stated
@@ -74,7 +75,7 @@ def _read(path: Path, _state: object) -> tuple[list[tuple[str, Coordinates]], Co
     data = read_small(path, MOST_BYTES)
     try:
         with refusing(f"{path} cannot be read as a log"):
-            return _read_dlis(path) if _is_dlis(data[:4000]) else _read_las(path, data)
+            return _read_dlis_apart(path) if _is_dlis(data[:4000]) else _read_las(path, data)
     except EndoctError as error:
         if not isinstance(error.__cause__, ImportError):
             raise
@@ -118,6 +119,19 @@ def _read_las(path: Path, data: bytes) -> tuple[list[tuple[str, Coordinates]], C
     if "NULL" in log.well:
         index[index == log.well["NULL"].value] = np.nan  # lasio leaves those of the index
     return images, index, str(log.curves[0].unit)
+
+
+def _read_dlis_apart(path: Path) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:
+    """Return what :func:`_read_dlis` does, in a process of its own: one damaged file in thousands ends dlisio's."""
+    import dlisio  # noqa: F401 - where it is missing, that is to be said here
+
+    with worker_process() as apart:
+        try:
+            return apart.call(_read_dlis, path).result()
+        except EndoctError as error:
+            if f"{path}" in error.what:
+                raise
+            raise EndoctError(f"{path} cannot be read as a log", found="dlisio ended over it") from error
 
 
 def _read_dlis(path: Path) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:

@@ -10,7 +10,7 @@ from endoct.modalities.reading.logs import is_log, read_log
 from endoct.modalities.reading.recording import stated_by
 from endoct.modalities.recognition import recognise
 from tests.modalities.reading.dlis_file import write_dlis
-from tests.modalities.unrolled.drawn import SAID, brightness, pits, write
+from tests.modalities.unrolled.drawn import OF_DEPTH, SAID, brightness, pits, write
 
 IMAGE = brightness(pits(12, 36)).astype(np.float64)
 DEPTHS = 106.8 + 0.006 * np.arange(12)
@@ -51,9 +51,22 @@ def test_a_channel_of_a_dlis_is_one_image(tmp_path: Path) -> None:
         read_log(path)
     with pytest.raises(EndoctError, match="no such image"):
         read_log(path, "GR")
+    assert read_log(write_dlis(tmp_path / "feet.dlis", DEPTHS, {"AMP": IMAGE}, unit="FT")).unit_mm == 304.8
     none = write_dlis(tmp_path / "none.dlis", DEPTHS, {"AMP": IMAGE}, has_index=False)
     with pytest.raises(EndoctError, match="no index"):
         read_log(none)
+
+
+def test_a_file_that_ends_its_library_does_not_end_the_program(tmp_path: Path) -> None:
+    """Two bytes of a table and of a row: dlisio 1.0.4 reads beyond its memory."""
+    pytest.importorskip("dlisio", reason="dlisio of the extra 'logs' is not installed")
+    path = write_dlis(tmp_path / "wall.dlis", DEPTHS, {"AMP": IMAGE})
+    data = bytearray(path.read_bytes())
+    data[389], data[492] = 255, 187
+    path.write_bytes(data)
+    with pytest.raises(EndoctError, match="cannot be read as a log") as error:
+        read_log(path)
+    assert "\n" not in str(error.value)
 
 
 def test_a_log_is_unrolled_like_a_table_and_says_where_its_rows_lie(tmp_path: Path) -> None:
@@ -66,6 +79,11 @@ def test_a_log_is_unrolled_like_a_table_and_says_where_its_rows_lie(tmp_path: Pa
     stream = recording.open()
     assert np.array_equal(np.stack([frame.samples[:, 0] for frame in map(stream.__getitem__, range(12))]), IMAGE)
     assert [stream[k].z_mm for k in (0, 11)] == pytest.approx([0, 66], abs=1e-6)
+    both = write(tmp_path / "both", None, row_pitch_mm=None, intensity_file="wall.las", intensity_curve="AMP",
+                 **OF_DEPTH | {"depth_file": "wall.las", "centred": True}, depth_curve="TT")  # fmt: skip
+    names = [f"{name}[{k}]" for name in ("AMP", "TT") for k in range(36)]
+    las(both / "wall.las", names, np.hstack([IMAGE, IMAGE + 1000]))
+    assert np.array_equal(recognise(both).open()[3].samples, np.column_stack([IMAGE[3], IMAGE[3] + 1000]))
     las(folder / "wall.las", [f"AMP[{k}]" for k in range(36)], IMAGE, unit="")
     assert any("z_column_mm" in key for key in recognise(folder).missing)
     (folder / "acquisition.toml").unlink()
@@ -77,6 +95,7 @@ def test_a_log_is_unrolled_like_a_table_and_says_where_its_rows_lie(tmp_path: Pa
     ("change", "said"),
     [
         (lambda text: text.replace("AMP[7]", "AMP[77]"), "one by one"),
+        (lambda text: text.replace("AMP[35]", "AMP[36]"), "one by one"),
         (lambda text: text.replace("AMP", "GR").replace("[", "A").replace("]", "B"), "no curve of at least 32"),
         (lambda text: text.replace("106.8060", "x"), "cannot be read as a log|where its rows lie"),
         (lambda text: text.replace("106.8060", "-999.25"), "where its rows lie"),
