@@ -63,16 +63,16 @@ def shuffled(image: NDArray[np.float32], rng: np.random.Generator) -> Iterator[N
     yield np.stack([np.roll(column, rng.integers(column.size)) for column in image.T], axis=1)
 
 
-def matched(planes: list[Plane], by_eye: list[tuple[int, ...]], dz_mm: float) -> list[int | None]:
-    """Return which of the planes is each one by eye, at most ``ROWS_OFF`` off in the root mean square."""
-    theta, free = np.radians(np.arange(0, 360, 5)), set(range(len(planes)))
+def matched(planes: list[Plane], by_eye: list[tuple[int, ...]], dz_mm: float, free: set[int]) -> list[int | None]:
+    """Return which ``free`` plane is each one by eye, at most ``ROWS_OFF`` off in the root mean square, and take it."""
+    theta = np.radians(np.arange(0, 360, 5))
     answers: list[int | None] = []
     for top, _, bottom, column in by_eye:
         rows = (top + bottom) / 2 + (bottom - top) / 2 * np.cos(theta - np.radians(column))
         off = {k: float(np.sqrt(np.mean((planes[k].z_at(theta) / dz_mm - rows) ** 2))) for k in free}
         best = min(off, key=lambda k: off[k], default=None)
         answers.append(best if best is not None and off[best] <= ROWS_OFF else None)
-        free -= {best} if answers[-1] is not None else set()
+        free.discard(-1 if answers[-1] is None else answers[-1])
     return answers
 
 
@@ -85,9 +85,10 @@ def images(folder: Path) -> None:
         side = side_of(image, dz_mm, RADIUS_MM)
         found = list(find_planes(side.contrast("dark")))
         scale_mm = dz_mm * side.grid.radius_mm / RADIUS_MM
-        answers = [matched(found, seen, scale_mm) for seen in (whole, cut)]
+        free = set(range(len(found)))
+        answers = [matched(found, seen, scale_mm, free) for seen in (whole, cut)]
         of = [f"{sum(k is not None for k in got)} of {len(got)}" for got in answers]
-        others = [plane for k, plane in enumerate(found) if k not in {*answers[0], *answers[1]}]
+        others = [found[k] for k in sorted(free)]
         print(f"{name}: {len(found)} planes; whole ones {of[0]}, cut ones {of[1]}; others {len(others)}")
         for what, seen, got in zip(("whole", "cut"), (whole, cut), answers, strict=True):
             print(f"  missed, {what}:", *(f"{one[0]}–{one[2]}" for one, k in zip(seen, got, strict=True) if k is None))
