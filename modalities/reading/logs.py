@@ -8,7 +8,6 @@ log says in a way that holds for all tools.
 
 import io
 import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,21 +22,12 @@ from endoct.modalities.reading.format import Files, Format, Frames, Stated
 
 MOST_BYTES = 500_000_000
 LEAST_DIRECTIONS = 32
+LONGEST_NAME = 80
 UNITS_MM = {
     "m": 1000.0, "meter": 1000.0, "metre": 1000.0, "cm": 10.0, "mm": 1.0, "ft": 304.8, "f": 304.8, "feet": 304.8,
     "in": 25.4, "0.1 in": 2.54, "0.1in": 2.54, ".1in": 2.54,
 }  # fmt: skip
 _DIRECTION = re.compile(r"(.*?)[\[:_(]?(\d+)[\])]?")
-
-
-@dataclass(frozen=True, eq=False)
-class ImageLog:
-    """One image: ``values``, float64 (row, direction), NaN where the log has its null, and ``index``, float64 (row,),
-    in units of ``unit_mm``, None where the log names no unit of length."""
-
-    values: Coordinates
-    index: Coordinates
-    unit_mm: float | None
 
 
 def is_log(path: Path) -> bool:
@@ -50,12 +40,13 @@ def is_log(path: Path) -> bool:
     return _is_dlis(begin) or _is_las(begin)
 
 
-def read_log(path: Path, curve: str | None = None) -> ImageLog:
-    """Return the image ``curve`` of a log, the only one where None.
+def read_log(path: Path, curve: str | None = None) -> tuple[Coordinates, Coordinates]:
+    """Return the image ``curve`` of a log, the only one where None, and its index in the log's own unit.
 
-    Raises :class:`EndoctError` where the library is missing, or there is no such image or another one besides.
+    They are float64 (row, direction), NaN where the log has its null, and (row,). Raises :class:`EndoctError` where the
+    library is missing, the log cannot be read, or there is no such image, or another one besides.
     """
-    images, index, unit = _read(path, tuple(state_of(path).values()))
+    images, index, _ = _read(path, tuple(state_of(path).values()))
     named = [values for name, values in images if curve in (None, name)]
     if len(named) != 1:
         names = ", ".join(f"{name[:40]} ({values.shape[1]})" for name, values in images[:8])
@@ -67,10 +58,10 @@ def read_log(path: Path, curve: str | None = None) -> ImageLog:
         )
     if index.shape != (len(named[0]),) or not index.size or not np.isfinite(index).all():
         raise EndoctError(f"{path} does not say where its rows lie", expected="one finite depth for each")
-    return ImageLog(named[0], index, UNITS_MM.get(" ".join(unit.lower().split())))
+    return named[0], index
 
 
-@lru_cache(maxsize=2)  # what states, looks and reads asks for the same
+@lru_cache(maxsize=1)  # what states, looks and reads asks for the same
 def _read(path: Path, _state: object) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:
     data = read_small(path, MOST_BYTES)
     try:
@@ -104,7 +95,7 @@ def _read_las(path: Path, data: bytes) -> tuple[list[tuple[str, Coordinates]], C
         raise EndoctError(f"{path} has no curves")
     by_name: dict[str, list[tuple[int, Any]]] = {}
     for curve in log.curves[1:]:
-        if match := _DIRECTION.fullmatch(curve.mnemonic):
+        if match := _DIRECTION.fullmatch(curve.mnemonic[:LONGEST_NAME]):
             by_name.setdefault(match[1], []).append((int(match[2]), curve.data))
     images = []
     for name, curves in by_name.items():

@@ -58,8 +58,8 @@ def read_plane(
         z, table = (table[:, 0], table[:, 1:]) if z_column else (None, table)
         return Plane(table.astype(np.float32), table, z)
     if is_log(path):
-        log = read_log(path, curve)
-        return Plane(log.values.astype(np.float32), log.values, log.index)
+        of_log, index = read_log(path, curve)
+        return Plane(of_log.astype(np.float32), of_log, index)
     if curve is not None:
         raise EndoctError(f"{path} is no log", remedy=f"leave {of}_curve out")
     if z_column:

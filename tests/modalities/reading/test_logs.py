@@ -30,12 +30,11 @@ def test_the_curves_of_a_las_are_one_image(tmp_path: Path, form: str) -> None:
     rows = np.column_stack([np.arange(12), IMAGE])
     rows[3, 5] = -999.25
     path = las(tmp_path / "wall.las", ["GR", *(form.format(k) for k in range(36))], rows)
-    log = read_log(path)
+    values, index = read_log(path)
     expected = rows[:, 1:].copy()
     expected[3, 4] = np.nan
-    assert np.array_equal(log.values, expected, equal_nan=True)
-    assert np.allclose(log.index, DEPTHS)
-    assert log.unit_mm == 1000
+    assert np.array_equal(values, expected, equal_nan=True)
+    assert np.allclose(index, DEPTHS)
     assert stated_by(path).keys == {"modality": "unrolled", "z_column_mm": 1000}
 
 
@@ -43,15 +42,16 @@ def test_a_channel_of_a_dlis_is_one_image(tmp_path: Path) -> None:
     pytest.importorskip("dlisio", reason="dlisio of the extra 'logs' is not installed")
     path = write_dlis(tmp_path / "wall.dlis", DEPTHS / 0.00254, {"AMP": IMAGE, "TT": 2 * IMAGE}, unit="0.1 in")
     for name, factor in (("AMP", 1), ("TT", 2)):
-        log = read_log(path, name)
-        assert np.array_equal(log.values, factor * IMAGE)
-        assert np.allclose(log.index * 2.54, 1000 * DEPTHS, atol=0.01)
-        assert log.unit_mm == 2.54
+        values, index = read_log(path, name)
+        assert np.array_equal(values, factor * IMAGE)
+        assert np.allclose(index * 2.54, 1000 * DEPTHS, atol=0.01)
+    assert stated_by(path).keys == {"modality": "unrolled", "z_column_mm": 2.54}
     with pytest.raises(EndoctError, match=r"AMP \(36\), TT \(36\)"):
         read_log(path)
     with pytest.raises(EndoctError, match="no such image"):
         read_log(path, "GR")
-    assert read_log(write_dlis(tmp_path / "feet.dlis", DEPTHS, {"AMP": IMAGE}, unit="FT")).unit_mm == 304.8
+    feet = write_dlis(tmp_path / "feet.dlis", DEPTHS, {"AMP": IMAGE}, unit="FT")
+    assert stated_by(feet).keys["z_column_mm"] == 304.8
     none = write_dlis(tmp_path / "none.dlis", DEPTHS, {"AMP": IMAGE}, has_index=False)
     with pytest.raises(EndoctError, match="no index"):
         read_log(none)
