@@ -81,9 +81,7 @@ def _middles_of_lines(darkness: Evidence) -> Mask:
     least = np.maximum(usual + LINE_SIGMAS * robust_sigmas(above - usual), LEAST_CONTRAST)
     around = 2 * max(1, round(NEAR * rows)) + 1
     highest = above == ndimage.maximum_filter1d(above, around, axis=0, mode="nearest")
-    is_seen = ndimage.binary_erosion(
-        darkness.valid, np.ones((window, 1)), border_value=1
-    )  # and what lies on both sides
+    is_seen = ndimage.binary_erosion(darkness.valid, np.ones((window, 1)), border_value=1)  # on either side, too
     return np.asarray(highest & (above > least) & is_seen)
 
 

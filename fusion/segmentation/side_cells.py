@@ -63,7 +63,7 @@ def segment_side(
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
     cells = _with_cells_in_planes(side, evidence, parameters, polarity_from)
-    if evidence.kind != "darkness" or not (planes := find_planes(evidence)):
+    if not parameters.outlines or evidence.kind != "darkness" or not (planes := find_planes(evidence)):
         return cells
     without = without_planes(cells.mask, planes, side.grid)
     return replace(cells, mask=without, planes=planes, of=f"{cells.of}, without planes that cut the bore")

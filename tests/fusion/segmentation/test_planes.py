@@ -135,6 +135,9 @@ def test_a_side_knows_its_planes_and_their_lines_are_no_cells() -> None:
     assert cells.mask[pit].mean() > 0.8
     assert cells.mask[band(STEEP)].mean() < 0.05
     assert "without planes that cut the bore" in cells.of
+    plain = segment_side(side, SegmentParameters(outlines=False), "dark")
+    assert plain.planes == ()
+    assert plain.mask[band(STEEP)].mean() > 0.5
     where = Alignment(0.5, 10.0)
     (placed,) = place(side, cells, Sampling(grid, where), grid).planes
     assert placed == found.moved(where)
