@@ -4,8 +4,8 @@
     python -m benchmarks.planes bores PAIRS
 
 ``images``: two optical images, in which a person wrote down the planes before anything was found; what was found in
-them as they are, with their columns shuffled, and with each column shifted along the hole. ``bores``: in what
-endoscopes saw of bores in bone (pickled pairs of panoramas), where there is none, as they are and shuffled.
+them as they are, in a copy, with their columns shuffled, and with each column shifted along the hole. ``bores``: in
+what endoscopes saw of bores in bone (pickled pairs of panoramas), where there is none, as they are and shuffled.
 """
 
 import argparse
@@ -19,7 +19,10 @@ from PIL import Image as Picture
 
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.result import Plane
+from endoct.fusion.scoring.overlap import jaccard
+from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.planes import find_planes
+from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 
@@ -96,10 +99,31 @@ def images(folder: Path) -> None:
         errors = [np.degrees([plane.dip_error_rad, plane.azimuth_error_rad]) for plane in found]
         if errors:
             print("  standard errors of dip and azimuth, median:", np.median(errors, axis=0).round(2), "°")
+        in_a_copy(image, dz_mm, rng)
         for how in range(2):
             false = [find_planes(side_of(list(shuffled(image, rng))[how], dz_mm, RADIUS_MM).contrast("dark"))
                      for _ in range(5)]  # fmt: skip
             print(f"  {'shifted' if how else 'shuffled'} five times:", *map(len, false))
+
+
+def in_a_copy(image: NDArray[np.float32], dz_mm: float, rng: np.random.Generator) -> None:
+    """Print which planes of an image are found again once it is turned, dimmed and noisy, and how the cells agree."""
+    by = 77
+    noisy = 0.9 * np.roll(image, by, axis=1) + rng.normal(0, 4, image.shape).astype(np.float32)
+    first, second = (segment_side(side_of(one, dz_mm, RADIUS_MM), SegmentParameters(), "dark")
+                     for one in (image, np.clip(noisy, 0, None)))  # fmt: skip
+    turn, pulls = 2 * np.pi * by / image.shape[1], []
+    for plane in first.planes:
+        for other in second.planes:
+            azimuth = np.angle(np.exp(1j * (other.azimuth_rad - plane.azimuth_rad - turn)))
+            off = other.z_mm - plane.z_mm, other.dip_rad - plane.dip_rad, azimuth
+            if np.all(np.abs(off) < (0.1, 0.05, 0.1)):
+                errors = [(one.z_error_mm, one.dip_error_rad, one.azimuth_error_rad) for one in (plane, other)]
+                pulls.append(np.abs(off) / np.hypot(*errors))
+    print(f"  a copy has {len(second.planes)}, of which {len(pulls)} are the same; apart, in standard errors:", end=" ")
+    print(*(f"{value:.1f}" for value in np.quantile(pulls, (0.5, 1))) if pulls else "")
+    again = np.roll(second.mask, -by, axis=1)
+    print(f"  Jaccard index of the cells {jaccard(first.mask, again, np.ones(again.shape, np.bool_)):.2f}")
 
 
 def bores(folder: Path) -> None:
