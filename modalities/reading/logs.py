@@ -34,8 +34,8 @@ def is_log(path: Path) -> bool:
     """Say whether a file begins as a LAS or a DLIS does."""
     try:
         with open_regular(path) as file:
-            begin = file.read(4000)
-    except EndoctError:
+            begin = file.read(4000) or b""  # None of a file of the system that has nothing to give yet
+    except (EndoctError, OSError):
         return False
     return _is_dlis(begin) or _is_las(begin)
 
