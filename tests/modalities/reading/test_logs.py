@@ -1,11 +1,14 @@
 """Image logs, LAS and DLIS, written by hand: what is read of them, and what is refused."""
 
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
+from endoct.modalities.reading import logs
 from endoct.modalities.reading.logs import is_log, read_log
 from endoct.modalities.reading.recording import stated_by
 from endoct.modalities.recognition import recognise
@@ -122,6 +125,12 @@ def test_logs_are_told_by_how_they_begin(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(begin)
     assert [is_log(tmp_path / name) for name in begins] == [True, True, True, False, False, False, False]
     assert not is_log(tmp_path / "nowhere")
+
+
+def test_a_file_that_gives_nothing_or_fails_is_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for read in (Mock(return_value=None), Mock(side_effect=OSError)):
+        monkeypatch.setattr(logs, "open_regular", lambda _, read=read: nullcontext(Mock(read=read)))
+        assert not is_log(tmp_path)
 
 
 def test_without_its_library_a_log_is_refused_by_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
