@@ -214,8 +214,9 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
         *(doubt for of in zip(placed.both, placed.cells, strict=True) for doubt in doubts_of_side(*of)),
     )
     remedies = tuple(StoredRemedy(side=each.side, key=each.key, agreeing=each.agreeing) for each in outcome.remedies)
+    planes = {side.name: side.planes for side in placed.sides if side.planes}
     said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "twist": twist, "remedies": remedies}
-    said["best_ruled_out"] = StoredAlignment.of(outcome.ruled_out)
+    said |= {"best_ruled_out": StoredAlignment.of(outcome.ruled_out), "planes": planes}
     return Result(
         sides=names,
         aligned=outcome.alignment is not None,

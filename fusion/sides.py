@@ -12,7 +12,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, SearchOutcome
 from endoct.fusion.geometry.placement import Sampling
 from endoct.fusion.registration.twist import Twist
-from endoct.fusion.result import ByHand, Result
+from endoct.fusion.result import ByHand, Plane, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
 from endoct.fusion.segmentation.segment import Segmentation
@@ -54,12 +54,14 @@ class PlacedSide(Surface):
     mask, valid: bool, its cells and what it observed. ``labels`` numbers the cells.
     intensity: float32, 0 where not valid.
     depth_mm: float32, NaN where the side has none.
+    planes: those that cut the bore, such as fractures, which are no cells.
     source, cells: the side on its own samples, and its cells there. They are None where the comparison was read from
         a store, as are ``relief_mm``, ``relief_error_mm`` and ``contrast``.
     """
 
     intensity: Image
     depth_mm: Image
+    planes: tuple[Plane, ...] = ()
     source: Side | None = None
     cells: Segmentation | None = None
 
@@ -216,6 +218,7 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
         contrast=None if contrast is None else placement.known(contrast.values, contrast.valid),
         intensity=intensity,
         depth_mm=nowhere if depth_mm is None else placement.known(depth_mm, panorama.valid & np.isfinite(depth_mm)),
+        planes=tuple(plane.moved(sampling.where) for plane in cells.planes),
         source=side,
         cells=cells,
     )

@@ -217,7 +217,7 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
     result = _result_of(names, path)
     return Comparison(
         grid=stored_grid(attributes, shape, what),
-        sides=(_side(names[0], arrays, 0), _side(names[1], arrays, 1)),
+        sides=(_side(names[0], arrays, 0, result), _side(names[1], arrays, 1, result)),
         alignment=None if alignment is None else _alignment(alignment, what),
         reason=reason,
         result=result,
@@ -233,13 +233,14 @@ def _stored(attributes: Mapping[str, object], name: str, of: str) -> object:
     return value
 
 
-def _side(name: str, arrays: Mapping[str, NDArray[Any]], k: int) -> PlacedSide:
+def _side(name: str, arrays: Mapping[str, NDArray[Any]], k: int, result: Result) -> PlacedSide:
     return PlacedSide(
         name=name,
         intensity=arrays["intensity"][k],
         depth_mm=arrays["depth_mm"][k],
         mask=arrays["mask"][k].astype(np.bool_),
         valid=arrays["valid"][k].astype(np.bool_),
+        planes=result.planes.get(name, ()),
     )
 
 

@@ -13,6 +13,7 @@ from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.result.bounds import Bounds
+from endoct.fusion.result.planes import Plane
 from endoct.fusion.result.scores import (
     Budget,
     ByLi,
@@ -272,6 +273,7 @@ class Result(Part):
     threshold: by side, what its cells were segmented by.
     polarity, polarity_from: by side, whether its cells are dark or bright, and how that is known. None where the
         question does not arise.
+    planes: by side, those that cut the bore, such as fractures, in A's frame; left out where there are none.
     scores, budget: of the two sides; None where they are not aligned, or neither shows a cell.
     wall: of both sides joined; None where they are not aligned, or not one measures depth and the other sees light.
     bounds: what the truth would say of the cells of both, within what bounds; None where there is no ``wall`` of them.
@@ -300,6 +302,7 @@ class Result(Part):
     threshold: dict[str, Threshold] | None = None
     polarity: dict[str, str | None] | None = None
     polarity_from: dict[str, str | None] | None = None
+    planes: dict[str, Annotated[tuple[Plane, ...], Field(strict=False)]] = Field(default_factory=dict)
     scores: PairScores | None = None
     budget: Budget | None = None
     wall: WallSummary | None = None

@@ -38,11 +38,14 @@ class SegmentParameters(BaseModel):
         default=True, description="find cells by an endoscope's depth too, where that is known by parallax"
     )
     outlines: bool = Field(
-        default=True, description="take dark cells up to where their outline is clearest; else Li alone"
+        default=True, description="take dark cells up to their clearest outline, and no planes for cells; else Li alone"
     )
     smooth_mm: float = Field(default=0.015, ge=0, le=2, description="sigma of the smoothing before the threshold")
     open_mm: float = Field(default=0.03, ge=0, le=2, description="cells narrower than twice this are removed")
     close_mm: float = Field(default=0.03, ge=0, le=2, description="gaps in cells narrower than twice this are closed")
     smallest_mm2: float = Field(
-        default=0.01, ge=0, le=1e4, description="smaller cells, and holes in cells, are removed"
+        default=0.01,
+        ge=0,
+        le=1e4,
+        description="smaller cells, and holes in cells, are removed; of cells also those of one or two samples",
     )

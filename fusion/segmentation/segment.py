@@ -19,7 +19,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.regions import label, looked_up, quantiles
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
-from endoct.fusion.result import DecidedByDepth
+from endoct.fusion.result import DecidedByDepth, Plane
 from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
@@ -172,6 +172,7 @@ class Segmentation:
     by_depth: how much depth by parallax changed; None where it had no say.
     doubts: why these are not to be trusted as cells.
     probability: float32, of a cell at each sample, by a learned eye that was asked; None where none was.
+    planes: those that cut the bore, such as fractures, which are no cells; by their dark lines.
     eye_declined: why a learned eye that could have been asked did not find them; None where there was none, or it did.
     """
 
@@ -186,6 +187,7 @@ class Segmentation:
     doubts: tuple[Doubt, ...] = ()
     eye_declined: EyeDeclined | None = None
     probability: Image | None = None
+    planes: tuple[Plane, ...] = ()
 
 
 def find_cells(

@@ -13,6 +13,7 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.segmentation.by_eye import cells_by_eye, held_against, is_sure, view_of
 from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.planes import find_planes, without_planes
 from endoct.fusion.segmentation.segment import Segmentation, cells_by_method, find_cells
 from endoct.stitching.panorama import Panorama, doubts_of_observed
 
@@ -56,10 +57,21 @@ def segment_side(
         cells = segment_side(side.in_reference, parameters, polarity, polarity_from)
         in_mm = None if cells.threshold is None or cells.unit != "mm" else side.scale * cells.threshold
         of = cells.of if cells.by == "mask" else f"{cells.of}; lengths as in a bore of 2.5 mm"
-        return replace(cells, threshold=cells.threshold if in_mm is None else in_mm, of=of)
+        planes = tuple(plane.scaled(side.scale) for plane in cells.planes)
+        return replace(cells, threshold=cells.threshold if in_mm is None else in_mm, of=of, planes=planes)
     evidence = side.cell_evidence(parameters.segment, polarity)
     if parameters.segmentation_method != OURS and evidence.kind != "mask":
         return cells_by_method(side.panorama, parameters.segmentation_method)
+    cells = _with_cells_in_planes(side, evidence, parameters, polarity_from)
+    if not parameters.outlines or evidence.kind != "darkness" or not (planes := find_planes(evidence)):
+        return cells
+    without = without_planes(cells.mask, planes, side.grid)
+    return replace(cells, mask=without, planes=planes, of=f"{cells.of}, without planes that cut the bore")
+
+
+def _with_cells_in_planes(
+    side: Side, evidence: Evidence, parameters: SegmentParameters, polarity_from: str
+) -> Segmentation:
     by_rules = partial(find_cells, evidence, parameters, None if evidence.knows_cells else polarity_from, side.parallax)
     view = view_of(side, parameters) if evidence.kind == "darkness" else None
     if view is None:

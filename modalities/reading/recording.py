@@ -17,6 +17,7 @@ from endoct.modalities.reading.frame_files import choose_frames
 from endoct.modalities.reading.images import ReadImages, read_single
 from endoct.modalities.reading.ivoct import IVOCT
 from endoct.modalities.reading.lightlab import LIGHTLAB
+from endoct.modalities.reading.logs import LOGS
 from endoct.modalities.reading.numbering import Along
 from endoct.modalities.reading.ome_tiff import OME_TIFF
 from endoct.modalities.reading.ome_zarr import OME_ZARR
@@ -27,7 +28,7 @@ from endoct.modalities.reading.thorlabs import THORLABS
 from endoct.modalities.reading.tiff import TIFF, TIFF_SUFFIXES
 from endoct.modalities.reading.video import VIDEO
 
-FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR)
+FORMATS: tuple[Format, ...] = (NPY, LIGHTLAB, OME_TIFF, TIFF, THORLABS, VIDEO, IVOCT, PICTURES, OME_ZARR, LOGS)
 """They are asked in this order. What none of them claims is an image, or of no readable kind."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 

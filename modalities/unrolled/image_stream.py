@@ -16,6 +16,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import check_array_size, entries, exists, inside, is_folder
 from endoct.modalities.acquisition import Acquisition, read_keys, sidecar_path
 from endoct.modalities.contract import Channel, Frame, Preview, Sniff, inward_positions_mm
+from endoct.modalities.reading.logs import is_log, read_log
 from endoct.modalities.reading.recording import gives_frames, open_stack
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.unrolled.manifest import TABLE_SUFFIXES, UnrolledAcquisition
@@ -44,8 +45,10 @@ class Plane:
     remarks: Remarks = NONE
 
 
-def read_plane(path: Path, of: Literal["intensity", "depth"], *, z_column: bool = False) -> Plane:
-    """Return what an image, a stack or a table at ``path`` holds; the pages of a stack follow each other along z.
+def read_plane(
+    path: Path, of: Literal["intensity", "depth"], *, z_column: bool = False, curve: str | None = None
+) -> Plane:
+    """Return what an image, a stack, a table or a ``curve`` of a log holds; pages of a stack follow each other along z.
 
     Of colours it is the green, as of an endoscope's frames. Raises :class:`EndoctError` where it cannot be read, or
     shows depth in colours, which have no scale.
@@ -54,6 +57,11 @@ def read_plane(path: Path, of: Literal["intensity", "depth"], *, z_column: bool 
         table = read_table(path)
         z, table = (table[:, 0], table[:, 1:]) if z_column else (None, table)
         return Plane(table.astype(np.float32), table, z)
+    if is_log(path):
+        of_log, index = read_log(path, curve)
+        return Plane(of_log.astype(np.float32), of_log, index)
+    if curve is not None:
+        raise EndoctError(f"{path} is no log", remedy=f"leave {of}_curve out")
     if z_column:
         raise EndoctError(
             f"{path} is no table, whose first column could say where rows lie",
@@ -124,8 +132,9 @@ class UnrolledImage:
 
     @cached_property
     def _planes(self) -> tuple[Plane, ...]:
-        z_column = self.acquisition.z_column_mm is not None
-        planes = tuple(read_plane(path, of, z_column=z_column) for of, path in self.files)
+        a = self.acquisition
+        z_column, curves = a.z_column_mm is not None, {"intensity": a.intensity_curve, "depth": a.depth_curve}
+        planes = tuple(read_plane(path, of, z_column=z_column, curve=curves[of]) for of, path in self.files)
         sizes = [plane.values.shape for plane in planes]
         if len(set(sizes)) > 1:
             raise EndoctError(
@@ -221,7 +230,9 @@ def sniff_image(path: Path) -> Sniff:
         if file is None:
             return Sniff(False, "it is no single image and no table")
         of = files[0][0] if files else "intensity"
-        plane = read_plane(file, of, z_column=keys.get("z_column_mm") is not None)
+        curve = keys.get(f"{of}_curve")
+        named = curve if isinstance(curve, str) else None
+        plane = read_plane(file, of, z_column=keys.get("z_column_mm") is not None, curve=named)
     except EndoctError as error:
         return Sniff(False, str(error))
     rows, columns = plane.values.shape
@@ -243,7 +254,7 @@ def _only_file(path: Path) -> Path | None:
         return likely[0] if len(likely) == 1 else None
     if path.suffix.lower() in TABLE_SUFFIXES:
         return path
-    return path if gives_frames(path) and len(open_stack(path)) == 1 else None
+    return path if is_log(path) or (gives_frames(path) and len(open_stack(path)) == 1) else None
 
 
 def step_over_seam(values: Image) -> tuple[float, float]:

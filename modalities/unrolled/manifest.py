@@ -14,6 +14,7 @@ from endoct.stitching.per_frame import Meaning
 
 LARGEST_BORE_MM = 2000.0
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
+LOG_SUFFIXES = (".las", ".dlis")
 Pixel = Annotated[int, Field(ge=0, le=1_000_000)]
 
 
@@ -41,6 +42,12 @@ class UnrolledAcquisition(Acquisition):
     depth_file: str | None = Field(
         default=None, max_length=255, description="name of the file beside the sidecar that shows depth or distance"
     )
+    intensity_curve: str | None = Field(
+        default=None, max_length=255, description="of a log with several images: the one that shows brightness"
+    )
+    depth_curve: str | None = Field(
+        default=None, max_length=255, description="of a log with several images: the one that shows depth or distance"
+    )
     row_pitch_mm: float | None = Field(
         default=None, ge=1e-4, le=1000, description="distance between two rows along the bore"
     )
@@ -48,7 +55,8 @@ class UnrolledAcquisition(Acquisition):
         default=None,
         ge=1e-4,
         le=1e6,
-        description="the first column of a table says where its rows lie, in units of so many mm; 1000 for metres",
+        description="the first column of a table, or a log's index, says where rows lie, in units of so many mm; 1000 "
+        "for metres",
     )
     brighter: Literal["larger", "smaller"] = Field(
         default="larger", description="whether larger or smaller values of the intensity are brighter"
@@ -145,7 +153,7 @@ class UnrolledAcquisition(Acquisition):
 MANIFEST = Manifest(
     name="unrolled",
     title="Image that is already unrolled",
-    suffixes=(*IMAGE_SUFFIXES, ".npy", *TABLE_SUFFIXES),
+    suffixes=(*IMAGE_SUFFIXES, ".npy", *TABLE_SUFFIXES, *LOG_SUFFIXES),
     acquisition=UnrolledAcquisition,
     provides=frozenset({"intensity", "depth"}),
     frame_dim="row",

@@ -79,6 +79,7 @@ def both_sides(
             valid=side.valid,
             panorama=panorama,
             pictures=pictures.get(side.name, {}),
+            planes=side.planes,
         )
         for side, panorama in zip(placed, panoramas, strict=True)
     )

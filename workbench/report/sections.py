@@ -18,6 +18,7 @@ from endoct.workbench.report.tables import (
     alignment_rows,
     overlap_table,
     pair_rows,
+    plane_rows,
     rater_rows,
     relief_rows,
     score_table,
@@ -82,6 +83,7 @@ def comparison_sections(result: Result, figures: Mapping[str, Markup] = NO_FIGUR
         overlap_table=overlap_table,
         alignment_rows=alignment_rows,
         pair_rows=pair_rows,
+        plane_rows=plane_rows,
         leaf_rows=leaf_rows,
     )
     qualities = {quality_name(side): _quality(side, figures) for side in result.sides}

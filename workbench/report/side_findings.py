@@ -11,6 +11,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.fusion.evidence import MASK_MODALITY
+from endoct.fusion.result import Plane
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -22,8 +23,8 @@ class SideFindings:
     """One side of a comparison.
 
     ``intensity``, ``depth_mm`` (None where the side has no depth), ``mask`` (cells) and ``valid`` lie on the
-    comparison's grid, (n_z, n_theta); ``panorama`` is the side on its own rows; ``pictures`` of single
-    frames by the frame's place in the order of ascending z.
+    comparison's grid, (n_z, n_theta), and so do ``planes`` that cut the bore. ``panorama`` is the side on its own rows;
+    ``pictures`` of single frames by the frame's place in the order of ascending z.
     """
 
     name: str
@@ -33,6 +34,7 @@ class SideFindings:
     valid: Mask
     panorama: Panorama
     pictures: Mapping[int, tuple[Picture, ...]]
+    planes: tuple[Plane, ...] = ()
 
     @property
     def is_drawn_mask(self) -> bool:

@@ -70,6 +70,21 @@ def overlap_table(overlaps: Sequence[NamedOverlap]) -> tuple[list[str], list[lis
     return ["", *columns], [list(row) for row in zip(names, *columns.values(), strict=True)]
 
 
+def plane_rows(result: Result) -> list[list[str]]:
+    """Return a row for each plane that cuts the bore: its side, place, dip, azimuth and support; standard errors."""
+    return [
+        [
+            side,
+            f"{length_text(plane.z_mm)} ± {length_text(plane.z_error_mm)}",
+            f"{math.degrees(plane.dip_rad):.1f}° ± {math.degrees(plane.dip_error_rad):.1f}°",
+            f"{math.degrees(plane.azimuth_rad):.1f}° ± {math.degrees(plane.azimuth_error_rad):.1f}°",
+            f"{plane.support:.0%}",
+        ]
+        for side, planes in result.planes.items()
+        for plane in planes
+    ]
+
+
 def conditions(result: Result, grid: SurfaceGrid) -> str:
     """Return on which grid two sides were compared, and by what their cells were segmented."""
     thresholds = result.threshold or {}

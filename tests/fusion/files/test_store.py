@@ -23,7 +23,7 @@ from endoct.fusion.files.store import (
     save_comparison,
 )
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.result import Result
+from endoct.fusion.result import Plane, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid
@@ -32,7 +32,13 @@ from endoct.stitching.store import save_panorama
 
 GRID = SurfaceGrid.full_circle(5, 8, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 SIDES = ("endoscope", "oct")
-RESULT = Result(sides=SIDES, aligned=False, alignment=None, jaccard=None, dice=None, valid_fraction=1.0)
+PLANE = Plane(
+    z_mm=0.3, dip_rad=0.5, azimuth_rad=1.0, z_error_mm=0.01, dip_error_rad=0.02, azimuth_error_rad=0.03, support=0.9,
+    radius_mm=1.25,
+)  # fmt: skip
+RESULT = Result(
+    sides=SIDES, aligned=False, alignment=None, jaccard=None, dice=None, valid_fraction=1.0, planes={SIDES[1]: (PLANE,)}
+)
 CELL = Cell("oct", 1, 0.5, 0.1, 0.2, None, None, None, None, None, False, 1.0, 0.9, "both", 2, 0.7)
 OTHER = replace(CELL, side="endoscope", id=2, partner=1, depth_of="oct", depth_median_mm=0.1)
 
@@ -56,6 +62,7 @@ def test_a_comparison_survives_the_disk(store: Path) -> None:
     assert (found.names, found.alignment, found.reason) == (SIDES, Alignment(0.1, 0.2), None)
     assert found.cells == (CELL, OTHER)
     assert found.grid == GRID
+    assert [side.planes for side in found.sides] == [(), (PLANE,)]
 
 
 def test_the_one_wall_is_that_of_the_folder_or_none(store: Path) -> None:

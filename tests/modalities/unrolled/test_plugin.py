@@ -153,6 +153,7 @@ def test_travel_time_is_half_the_way_and_a_stated_zero_is_kept(tmp_path: Path) -
         ({"depth_file": "wall.tif", "depth_mm_per_count": 1.0, "deeper": "larger"}, "centred"),
         ({"depth_file": "wall.tif", "depth_mm_per_count": 1.0, "velocity_m_s": 1.0, "travel_time_us_per_count": 1.0},
          "not both"),
+        ({"intensity_curve": "AMP"}, "is no log"),
         ({"intensity_file": "../wall.tif"}, "outside"),
         ({"intensity_file": "other.tif"}, "other.tif"),
         ({"columns": (0, 96)}, "'columns' lies outside"),

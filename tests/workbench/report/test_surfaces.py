@@ -1,5 +1,6 @@
 """Figures of both sides: which samples each panel shows, what its legend counts, and how agreement runs along."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 from matplotlib.figure import Figure
 
 from endoct.base.arrays import Image
+from endoct.fusion.result import Plane
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.report.figures import surfaces
+from endoct.workbench.report.figures.drawing import ORANGE
 from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panoramas, draw_walls_of
 from endoct.workbench.report.side_findings import BothSides, SideFindings
 
@@ -57,6 +60,22 @@ def panels(monkeypatch: pytest.MonkeyPatch, figures: list[Figure]) -> Panels:
 
 def titles(figure: Figure) -> list[str]:
     return [title for axes in figure.axes if (title := axes.get_title("left").replace("\n", " "))]
+
+
+def test_planes_are_drawn_into_their_sides_walls(panels: Panels, figures: list[Figure]) -> None:
+    plane = Plane(
+        z_mm=2.0, dip_rad=0.6, azimuth_rad=1.0, z_error_mm=0.0, dip_error_rad=0.0, azimuth_error_rad=0.0, support=0.9,
+        radius_mm=1.25,
+    )  # fmt: skip
+    told = draw_panoramas(BothSides(GRID, (A, replace(B, planes=(plane,))), aligned=True))
+    assert told is not None
+    assert "Orange lines: planes that cut the bore." in told.caption
+    assert "Orange" not in getattr(draw_panoramas(BothSides(GRID, (A, B), aligned=True)), "caption", "")
+    orange = [[line for line in axes.lines if line.get_color() == ORANGE] for axes in figures[0].axes[:3]]
+    assert [len(lines) for lines in orange] == [0, 1, 1]
+    degrees, z_mm = orange[1][0].get_data()
+    np.testing.assert_allclose(z_mm, plane.z_at(np.radians(degrees)))
+    assert len(panels) == 6
 
 
 def test_walls_are_intensity_and_depth_of_whoever_has_it(panels: Panels, figures: list[Figure]) -> None:

@@ -15,6 +15,8 @@ from endoct.fusion.result import (
     Overlap,
     PairDistance,
     PlacedPair,
+    Plane,
+    Result,
     StoredAlignment,
     StoredPlace,
     Threshold,
@@ -23,6 +25,7 @@ from endoct.fusion.result.scores import BoundaryScores, Scores
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report import tables
 from endoct.workbench.report.findings import NamedOverlap
+from endoct.workbench.report.sections import comparison_sections
 from endoct.workbench.report.wording import interval_text, key_text, leaf_rows, value_text, without_stop
 
 ALIGNMENT = StoredAlignment(
@@ -30,6 +33,21 @@ ALIGNMENT = StoredAlignment(
     correlation=0.5, ratio=12.345, chance=1.5e-7, overlap_mm2=20.456, uneven_rad=0.01, twist_rad_per_mm=-0.002,
     covariance=((1e-4, 0, 0), (0, 4e-6, 0), (0, 0, 9e-6)),
 )  # fmt: skip
+
+
+def test_planes_are_said_in_degrees_with_their_standard_errors() -> None:
+    plane = Plane(
+        z_mm=12.3456, dip_rad=0.5, azimuth_rad=1.0, z_error_mm=0.0123, dip_error_rad=0.02, azimuth_error_rad=0.03,
+        support=0.914, radius_mm=1.25,
+    )  # fmt: skip
+    result = Result(
+        sides=("a", "b"), aligned=False, alignment=None, jaccard=None, dice=None, valid_fraction=1.0,
+        planes={"b": (plane,)},
+    )  # fmt: skip
+    assert tables.plane_rows(result) == [["b", "12.346 mm ± 0.012 mm", "28.6° ± 1.1°", "57.3° ± 1.7°", "91%"]]
+    html = {section.name: section.html for section in comparison_sections(result)}
+    assert "57.3° ± 1.7°" in html["agreement"]
+    assert "Planes" not in comparison_sections(result.model_copy(update={"planes": {}}))[0].html
 
 
 def test_an_alignment_is_said_in_degrees_and_mm_with_its_standard_errors() -> None:

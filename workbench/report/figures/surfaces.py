@@ -69,13 +69,16 @@ def draw_walls_of(sides: Sequence[SideFindings], grid: SurfaceGrid, frame: str) 
             low, high = robust_limits(thin, valid)
             image = show_surface(axes[k], coarse, thin, valid & np.isfinite(thin), colours, low, high)
             colour_bar(axes[k], image, unit)
+            for plane in side.planes:
+                axes[k].plot(np.arange(361), plane.z_at(np.radians(np.arange(361))), color=ORANGE, linewidth=0.6)
         rendered = render(figure, "panoramas")
+    drawn_planes = "Orange lines: planes that cut the bore. " if any(side.planes for side in sides) else ""
     return Drawn(
         rendered,
         "panoramas",
         "The unrolled wall",
         f"{frame}. θ runs clockwise as seen looking in, z inward from the mouth; {scale_text(grid)}. "
-        "Hatched: not observed by that side. Colour bars end at the 0.5th and 99.5th percentile.",
+        f"Hatched: not observed by that side. {drawn_planes}Colour bars end at the 0.5th and 99.5th percentile.",
     )
 
 

@@ -158,7 +158,7 @@ def _columns_to_zero(grid: SurfaceGrid) -> int:
 def _arc_scale(axes: Axes, grid: SurfaceGrid) -> None:
     """Draw the arc's length in mm above a panel of the wall, with lines and words: a second axis is far slower."""
     around_mm, wide = 2 * math.pi * grid.radius_mm, width_of(axes)
-    step_mm = next((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if wide * v / around_mm >= 0.3), 20)
+    step_mm = next((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if wide * v / around_mm >= 0.3), 200)
     at_mm = np.arange(0, around_mm, step_mm)
     above = blended_transform_factory(axes.transData, axes.transAxes)
     axes.plot(
@@ -179,7 +179,7 @@ def _above(axes: Axes, text: str, theta_deg: float, points: float) -> None:
 
 def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:
     around_mm = 2 * math.pi * grid.radius_mm
-    length_mm = max((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10) if v <= around_mm / 3.5), default=0.1)
+    length_mm = max((v for v in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if v <= around_mm / 3.5), default=0.1)
     width = length_mm / around_mm
     bottom, top = axes.get_ylim()
     lift = 0.25 / abs(bottom - top) if abs(bottom - top) > 5 else 0.05
