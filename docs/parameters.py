@@ -17,10 +17,11 @@ Any of them can be drawn from another range within "may be":
 
     endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
 
-What follows from them is listed below each table. `truth/sample.json` has all of it.
+What follows from them is listed below each table. `truth/sample.json` has all of it, and also every cell, speck of dirt
+and line of the sheath; `endoct.synthetic.sample.parameters` describes their fields.
 
-Units are in the names: mm, rad, dB, px (pixels), hu (Hounsfield units). Where a number comes from stands in brackets;
-where nothing stands, it was chosen for plausibility.
+Units are in the names. Where a number comes from stands in brackets; where nothing stands, it was chosen for
+plausibility.
 
 - "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
 - "typical": the usual value of such an instrument
@@ -37,8 +38,6 @@ PARTS: dict[str, type[BaseModel]] = {
     "endoscope": parameters.Endoscope,
 }
 TABLE = "| parameter | drawn from | may be | what |\n|---|---|---|---|"
-LISTED = (parameters.Cell, parameters.Volume, parameters.SheathLine, parameters.Shadow, parameters.LostAscans,
-          parameters.Speck, parameters.Droplet, parameters.Debris)  # fmt: skip
 
 
 def table() -> str:
@@ -49,8 +48,6 @@ def table() -> str:
         blocks.append(f"## {part}\n\n{_summary(model)}\n\n{TABLE}")
         blocks += [_row(part, model, name) for name in drawn]
         blocks.append(_others(model, [name for name in model.model_fields if name not in drawn]))
-    for model in LISTED:
-        blocks.append(f"## {model.__name__}\n\n{_summary(model)}\n{_others(model, list(model.model_fields))}")
     return "\n".join(blocks)
 
 
