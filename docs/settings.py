@@ -42,8 +42,7 @@ own, by `segmentation_method`, `alignment_method` or `feed_method`:
 
     endoct compare specimen/endoscope specimen/oct -o other --set segmentation_method=otsu-prepared
 
-So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names it, since endoct cannot judge how far to trust
-it.
+So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names it, since endoct cannot judge it.
 
 ## Settings that raise the score
 
