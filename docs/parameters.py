@@ -17,8 +17,8 @@ Any of them can be drawn from another range within "may be":
 
     endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
 
-What follows from them is listed below each table. `truth/sample.json` has all of it, and also every cell, speck of dirt
-and line of the sheath; `endoct.synthetic.sample.parameters` describes their fields.
+`truth/sample.json` has what was drawn, and what follows from it: every cell, speck of dirt and place of a frame. The
+models in `endoct.synthetic.sample.parameters` describe these fields.
 
 Units are in the names. Where a number comes from stands in brackets; where nothing stands, it was chosen for
 plausibility.
@@ -47,8 +47,8 @@ def table() -> str:
         drawn = [name for name in model.model_fields if name in default_ranges(model) or name in choices(model)]
         blocks.append(f"## {part}\n\n{_summary(model)}\n\n{TABLE}")
         blocks += [_row(part, model, name) for name in drawn]
-        blocks.append(_others(model, [name for name in model.model_fields if name not in drawn]))
-    return "\n".join(blocks)
+        blocks.append("")
+    return "\n".join(blocks).rstrip() + "\n"
 
 
 def _row(part: str, model: type[BaseModel], name: str) -> str:
@@ -61,12 +61,6 @@ def _row(part: str, model: type[BaseModel], name: str) -> str:
     if name in choices(model):
         return f"| `{path}` | | {' or '.join(choices(model)[name])} | {what} |"
     return f"| `{path}` | {_range(default_ranges(model)[name])} | {_range(allowed_range(model, name))} | {what} |"
-
-
-def _others(model: type[BaseModel], names: list[str]) -> str:
-    """Return parameters that cannot be varied, as a list."""
-    lines = [f"- `{name}`: {_described(model, name)}".removesuffix(": ") for name in names]
-    return "\n".join(["", *lines, ""]) if names else ""
 
 
 def _described(model: type[BaseModel], name: str) -> str:

@@ -22,6 +22,7 @@ Filling = Literal["air", "dust", "fluid"]
 Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
 Point = tuple[Millimetres, Millimetres, Millimetres]
 
+
 class Cell(Parameters):
     """One cavity that the drill has opened: a hole drilled across the bore, or an air cell.
 
@@ -53,6 +54,7 @@ class Cell(Parameters):
     filling: Filling = Field(description="what fills it, up to fill_mm")
     fill_mm: float = between(0, 1.5, "surface of the filling below the nominal wall, along the axis")
 
+
 class Volume(Parameters):
     """A CT of the user's, or a segmentation of one, that the bore is drilled into."""
 
@@ -71,6 +73,7 @@ class Volume(Parameters):
     def length_mm(self) -> float:
         """Distance from entry to target."""
         return math.dist(self.entry_mm, self.target_mm)
+
 
 class Network(Parameters):
     """A mastoid in three dimensions: a network of air cells, with what the drill must miss in it."""
@@ -93,6 +96,7 @@ class Network(Parameters):
     entry_mm: Point = Field(description="mouth of the bore in the patient, LPS; x > 0 is the left ear")
     inward: tuple[Factor, Factor, Factor] = Field(description="direction of the bore in the patient, LPS, unit vector")
 
+
 class Density(Parameters):
     """How dense the bone is from place to place, in three dimensions; CT, OCT and endoscope all show it.
 
@@ -108,6 +112,7 @@ class Density(Parameters):
     marrow_db: float = drawn(-15, -6, "scattering of what channels hold against bone (chosen)", (-40, 0))
     albedo: float = drawn(0.2, 0.5, "share of a change of density that the albedo changes by (chosen)", (0, 1))
 
+
 class Ct(Parameters):
     """A CT of the bone: a clinical one before drilling, or one by a cone-beam scanner after it."""
 
@@ -116,6 +121,7 @@ class Ct(Parameters):
     noise_hu: float = drawn(30, 100, "rms of the noise (typical)", (0, 1000))
     bone_hu: float = drawn(1300, 1900, "dense bone (typical)", (300, 3000))
     slice_mm: float | None = Field(default=None, ge=0.1, le=2, description="distance of the slices; null for voxel_mm")
+
 
 class Tube(Parameters):
     """A printed tube to calibrate by, in place of bone: an axial and a helical groove, and two rings.
@@ -152,6 +158,7 @@ class Tube(Parameters):
     def stretch(self) -> float:
         """By what factor the true tube is longer than the stated one."""
         return 1 + self.z_error * self.sigma_z_mm / (self.wide_z_mm - self.narrow_z_mm)
+
 
 class Bore(Parameters):
     """The drill hole and its cells."""
