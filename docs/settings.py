@@ -44,13 +44,10 @@ own, by `segmentation_method`, `alignment_method` or `feed_method`:
 
 So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names it, since endoct cannot judge it.
 
-## Settings that raise the score
+## A setting that raises the score
 
-Two settings, off by default, raise the score by themselves. Each is recorded and raises a doubt.
-
-- `--force` accepts the best alignment however little it stands out. Scores obtained so say nothing by themselves.
-- `--set correct_twist=true` rotates each of B's rows to where it fits A best. The result has the index without and with
-  it (`twist.jaccard_without`, `jaccard_with`); all other scores are with it.
+`--force` accepts the best alignment however little it stands out. Scores obtained so say nothing by themselves. It is
+recorded and raises a doubt.
 
 ## The paper's pipeline
 
