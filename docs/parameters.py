@@ -6,14 +6,14 @@ from pydantic import BaseModel
 
 from endoct.synthetic.sample import parameters
 from endoct.synthetic.sample.presets import PRESETS
-from endoct.synthetic.sample.ranges import allowed_range, choices, default_ranges
+from endoct.synthetic.sample.ranges import choices, default_ranges
 
 HEAD = """<!-- Made by python docs/parameters.py from endoct.synthetic.sample.parameters; do not edit. -->
 
 # What the simulator draws
 
 Every specimen draws these parameters from its seed, uniformly within "drawn from", or within the range of its preset.
-Any of them can be drawn from another range within "may be":
+Any of them can be drawn from another range; where it cannot be that one, the message says what it may be:
 
     endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
 
@@ -37,7 +37,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "oct": parameters.Oct,
     "endoscope": parameters.Endoscope,
 }
-TABLE = "| parameter | drawn from | may be | what |\n|---|---|---|---|"
+TABLE = "| parameter | drawn from | what |\n|---|---|---|"
 
 
 def table() -> str:
@@ -59,8 +59,8 @@ def _row(part: str, model: type[BaseModel], name: str) -> str:
             by_range.setdefault(_range(of.ranges[path]), []).append(f"`{preset}`")
     what += "".join(f"; {', '.join(presets)}: {range_}" for range_, presets in by_range.items())
     if name in choices(model):
-        return f"| `{path}` | | {' or '.join(choices(model)[name])} | {what} |"
-    return f"| `{path}` | {_range(default_ranges(model)[name])} | {_range(allowed_range(model, name))} | {what} |"
+        return f"| `{path}` | {' or '.join(choices(model)[name])} | {what} |"
+    return f"| `{path}` | {_range(default_ranges(model)[name])} | {what} |"
 
 
 def _described(model: type[BaseModel], name: str) -> str:
