@@ -269,7 +269,6 @@ class Result(Part):
     doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
         side, which are read as doubts without a code of their own.
     notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
-    twist: what was corrected, where a correction of the twist was asked for.
     by_hand: what landmark pairs did and say, where a session with some was given.
     truth: scores by the path of a mask given as truth, then by side.
     raters: how far several such masks agree.
