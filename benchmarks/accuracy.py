@@ -21,7 +21,7 @@ from scipy.stats import bootstrap
 
 from endoct.workbench.bench.results.result_tables import write_csv
 from endoct.workbench.bench.results.score_summary import SCORE, columns_of, frame_of
-from endoct.workbench.bench.runner import Row, parse_seeds, run_method
+from endoct.workbench.bench.runner import MethodResult, parse_seeds, run_method
 from endoct.workbench.bench.tasks import ablate
 from endoct.workbench.bench.tasks.comparison import ComparedPair, ComparisonCase, judge
 from endoct.workbench.running.scheduler import one_blas_thread
@@ -35,7 +35,7 @@ def judge_with_budget(case: ComparisonCase, answer: ComparedPair) -> Mapping[str
 
 
 @one_blas_thread()
-def evaluate(seed: int, preset: str, method: str) -> Row:
+def evaluate(seed: int, preset: str, method: str) -> MethodResult:
     """Simulate a specimen, and compare its recordings."""
     task = replace(ablate.TASK, judge=judge_with_budget)
     case = task.cases(seed, 0, {"preset": (preset,)})
@@ -46,7 +46,7 @@ def evaluate(seed: int, preset: str, method: str) -> Row:
             case.scratch.cleanup()
 
 
-def summary(rows: Sequence[Row]) -> list[str]:
+def summary(rows: Sequence[MethodResult]) -> list[str]:
     """Return a line a score: median, its interval, extremes."""
     frame = frame_of(rows)
     lines = []
@@ -72,7 +72,7 @@ def main() -> None:
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    rows: list[Row] = []
+    rows: list[MethodResult] = []
     with ProcessPoolExecutor(arguments.workers) as pool:
         work = partial(evaluate, preset=arguments.preset, method=arguments.method)
         for row in pool.map(work, parse_seeds(arguments.seeds)):

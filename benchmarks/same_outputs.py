@@ -50,8 +50,7 @@ def make(endoct: Path, folder: Path, presets: list[str]) -> None:
             continue
         if preset == "learning":
             run(f"{preset}-volume", "unroll", sides[1], "-o", f"{preset}.zarr", "--volume")
-        extra = ["--set", "correct_twist=true"] if preset == "learning" else []
-        run(f"{preset}-compare", "compare", *sides, "-o", f"{preset}-compared", "--truth", f"{preset}/truth", *extra)
+        run(f"{preset}-compare", "compare", *sides, "-o", f"{preset}-compared", "--truth", f"{preset}/truth")
         if preset == "quick":
             turned = "quick-turned"
             run(turned, "compare", *sides[::-1], "-o", turned, "--set-b", "visible_length_mm=0.9")

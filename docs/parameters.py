@@ -6,21 +6,22 @@ from pydantic import BaseModel
 
 from endoct.synthetic.sample import parameters
 from endoct.synthetic.sample.presets import PRESETS
-from endoct.synthetic.sample.ranges import allowed_range, choices, default_ranges
+from endoct.synthetic.sample.ranges import choices, default_ranges
 
 HEAD = """<!-- Made by python docs/parameters.py from endoct.synthetic.sample.parameters; do not edit. -->
 
 # What the simulator draws
 
 Every specimen draws these parameters from its seed, uniformly within "drawn from", or within the range of its preset.
-Any of them can be drawn from another range within "may be":
+Any of them can be drawn from another range; where it cannot be that one, the message says what it may be:
 
     endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
 
-What follows from them is listed below each table. `truth/sample.json` has all of it.
+`truth/sample.json` has what was drawn, and what follows from it: every cell, speck of dirt and place of a frame. The
+models in `endoct.synthetic.sample.parameters` describe these fields.
 
-Units are in the names: mm, rad, dB, px (pixels), hu (Hounsfield units). Where a number comes from stands in brackets;
-where nothing stands, it was chosen for plausibility.
+Units are in the names. Where a number comes from stands in brackets; where nothing stands, it was chosen for
+plausibility.
 
 - "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
 - "typical": the usual value of such an instrument
@@ -36,9 +37,7 @@ PARTS: dict[str, type[BaseModel]] = {
     "oct": parameters.Oct,
     "endoscope": parameters.Endoscope,
 }
-TABLE = "| parameter | drawn from | may be | what |\n|---|---|---|---|"
-LISTED = (parameters.Cell, parameters.Volume, parameters.SheathLine, parameters.Shadow, parameters.LostAscans,
-          parameters.Speck, parameters.Droplet, parameters.Debris)  # fmt: skip
+TABLE = "| parameter | drawn from | what |\n|---|---|---|"
 
 
 def table() -> str:
@@ -48,10 +47,8 @@ def table() -> str:
         drawn = [name for name in model.model_fields if name in default_ranges(model) or name in choices(model)]
         blocks.append(f"## {part}\n\n{_summary(model)}\n\n{TABLE}")
         blocks += [_row(part, model, name) for name in drawn]
-        blocks.append(_others(model, [name for name in model.model_fields if name not in drawn]))
-    for model in LISTED:
-        blocks.append(f"## {model.__name__}\n\n{_summary(model)}\n{_others(model, list(model.model_fields))}")
-    return "\n".join(blocks)
+        blocks.append("")
+    return "\n".join(blocks).rstrip() + "\n"
 
 
 def _row(part: str, model: type[BaseModel], name: str) -> str:
@@ -62,14 +59,8 @@ def _row(part: str, model: type[BaseModel], name: str) -> str:
             by_range.setdefault(_range(of.ranges[path]), []).append(f"`{preset}`")
     what += "".join(f"; {', '.join(presets)}: {range_}" for range_, presets in by_range.items())
     if name in choices(model):
-        return f"| `{path}` | | {' or '.join(choices(model)[name])} | {what} |"
-    return f"| `{path}` | {_range(default_ranges(model)[name])} | {_range(allowed_range(model, name))} | {what} |"
-
-
-def _others(model: type[BaseModel], names: list[str]) -> str:
-    """Return parameters that cannot be varied, as a list."""
-    lines = [f"- `{name}`: {_described(model, name)}".removesuffix(": ") for name in names]
-    return "\n".join(["", *lines, ""]) if names else ""
+        return f"| `{path}` | {' or '.join(choices(model)[name])} | {what} |"
+    return f"| `{path}` | {_range(default_ranges(model)[name])} | {what} |"
 
 
 def _described(model: type[BaseModel], name: str) -> str:

@@ -42,16 +42,12 @@ own, by `segmentation_method`, `alignment_method` or `feed_method`:
 
     endoct compare specimen/endoscope specimen/oct -o other --set segmentation_method=otsu-prepared
 
-So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names the method, since endoct cannot judge how far
-to trust it.
+So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names it, since endoct cannot judge it.
 
-## Settings that raise the score
+## A setting that raises the score
 
-Two settings, off by default, raise the score by themselves. Each is recorded and raises a doubt.
-
-- `--force` accepts the best alignment however little it stands out. Scores obtained so say nothing by themselves.
-- `--set correct_twist=true` rotates each of B's rows to where it fits A best. The result has the index without and with
-  it (`twist.jaccard_without`, `jaccard_with`); all other scores are with it.
+`--force` accepts the best alignment however little it stands out. Scores obtained so say nothing by themselves. It is
+recorded and raises a doubt.
 
 ## The paper's pipeline
 
@@ -60,17 +56,11 @@ Two settings, off by default, raise the score by themselves. Each is recorded an
 is the chain of Laves et al. 2019, literally. Every B-scan is shifted by its sine, the index of the maximum is the
 depth, and turns are taken for even. Li's threshold finds the cells of both sides, and the Jaccard index compares them.
 
-- `endoct unroll` takes `--recipe paper` too. In Python, and in the forms of `endoct open`, it is `recipe`.
-- An OCT panorama that was unrolled otherwise is refused.
+- `endoct unroll` takes `--recipe paper` too. An OCT panorama that was unrolled otherwise is refused.
 - The paper's own endoscopic cells were drawn by hand: give such [a mask](../how-to/masks.md) as side A.
 - The paper says nothing of smoothing, of removing small cells, or of the bounds of relief. They stay as they are.
 
-Without a recipe, too, every comparison states the index [by Li's threshold
-alone](../explanation/scores.md#by-lis-threshold-alone).
-
-## Recipes
-
-A recipe stands for these settings; `--set`, `--set-a` and `--set-b` win over it.
+The recipe stands for these settings; `--set`, `--set-a` and `--set-b` win over it.
 
 | recipe | of | settings |
 |---|---|---|"""

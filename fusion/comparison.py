@@ -12,7 +12,6 @@ from endoct.base.doubt import Doubt
 from endoct.base.entry_points import OURS
 from endoct.base.errors import EndoctError
 from endoct.fusion.doubts import (
-    doubt_of_twist,
     doubts_by_hand,
     doubts_by_method,
     doubts_of_alignment,
@@ -45,11 +44,9 @@ from endoct.fusion.registration.by_hand import KnownBore, align_by_hand
 from endoct.fusion.registration.instruments import largest_cell_share
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.steps import step_along
-from endoct.fusion.registration.twist import Twist, find_twist, untwisted
 from endoct.fusion.result import (
     Believable,
     ByHand,
-    CorrectedTwist,
     Result,
     StoredAlignment,
     StoredRemedy,
@@ -78,7 +75,7 @@ def compare_panoramas(
     scored.
 
     Raises :class:`EndoctError` where the bore diameters differ too much, or a side has nothing valid or shows no cells.
-    Raises it also where pairs contradict what is known of the sides, or are given together with ``correct_twist``.
+    Raises it also where pairs contradict what is known of the sides.
     """
     given = parameters or CompareParameters()
     return score_placed(place_sides(*two_sides(a, b), given, pairs), given)
@@ -89,24 +86,7 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
 
     Raises as that does.
     """
-    if pairs and parameters.correct_twist:
-        raise EndoctError(
-            "landmark pairs and correct_twist do not go together",
-            found="both",
-            expected="one of them: rows that were turned have the places of landmarks no longer",
-        )
     check_eye(parameters, a, b)
-    placed = _aligned(a, b, parameters, pairs)
-    if not parameters.correct_twist or placed.outcome.alignment is None:
-        return placed
-    plain = score_sides(placed.sides, placed.grid, placed.samplings, parameters.tolerance_mm).scores
-    there = find_twist(a.in_reference, b.in_reference, placed.outcome.alignment.scaled(1 / a.scale))
-    twist = replace(there, z_mm=a.scale * there.z_mm)
-    turned = _aligned(a, replace(b, panorama=untwisted(b.panorama, twist)), parameters)
-    return replace(turned, twist=(twist, plain.grid.jaccard if plain else None))
-
-
-def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[LandmarkPair] = ()) -> Placed:
     note = check_same_bore(a.grid.radius_mm, b.grid.radius_mm)
     if pairs and a.scale != 1:
         raise EndoctError(
@@ -125,8 +105,6 @@ def _aligned(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence[La
         outcome = align_sides(
             *there, z_scale_range=z_scale_range, force=parameters.force, rough=rough, by_eye=by_eye
         ).scaled(a.scale)
-        if parameters.correct_twist and outcome.alignment:
-            outcome = replace(outcome, alignment=outcome.alignment.rigid)  # rows are turned one by one instead
         doubts: tuple[Doubt, ...] = ()
         if by_method is not None:
             ours, outcome = outcome, by_method
@@ -205,9 +183,7 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
     names = placed.both[0].name, placed.both[1].name
     by_name = dict(zip(names, placed.cells, strict=True))
     jaccard = scores.grid.jaccard if scores else None
-    twist = None if placed.twist is None else _corrected_twist(*placed.twist, jaccard)
     doubts = (
-        *(() if twist is None else (doubt_of_twist(twist, names),)),
         *placed.doubts,
         *(() if outcome.alignment is None else _doubts_of_alignment(placed, outcome.alignment, bent, parameters)),
         *(() if scores is None else doubts_of_scores(valid_fraction, scores)),
@@ -215,7 +191,7 @@ def _result(placed: Placed, scored: Scored, bent: Sequence[Doubt], parameters: C
     )
     remedies = tuple(StoredRemedy(side=each.side, key=each.key, agreeing=each.agreeing) for each in outcome.remedies)
     planes = {side.name: side.planes for side in placed.sides if side.planes}
-    said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "twist": twist, "remedies": remedies}
+    said: dict[str, Any] = {"notes": placed.notes, "by_hand": placed.by_hand, "remedies": remedies}
     said |= {"best_ruled_out": StoredAlignment.of(outcome.ruled_out), "planes": planes}
     return Result(
         sides=names,
@@ -257,17 +233,6 @@ def _doubts_of_alignment(
     yield from doubts_of_bend(alignment, b.name)
     yield from doubts_of_orientation(alignment, a.panorama, b.panorama, b.name)
     yield from bent
-
-
-def _corrected_twist(twist: Twist, jaccard_without: float | None, jaccard_with: float | None) -> CorrectedTwist:
-    return CorrectedTwist(
-        note="B's rows were turned to where they fit A best. That raises the score by itself; see both.",
-        z_mm=tuple(twist.z_mm.tolist()),
-        twist_rad=tuple(twist.twist_rad.tolist()),
-        known=tuple(twist.known.tolist()),
-        jaccard_without=jaccard_without,
-        jaccard_with=jaccard_with,
-    )
 
 
 def _reached(valid: Mask) -> Mask:

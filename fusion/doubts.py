@@ -19,7 +19,7 @@ from endoct.fusion.registration.align import BELIEVABLE, CLEAR_RATIO, FARTHEST, 
 from endoct.fusion.registration.by_hand import CHECK_PAIRS, orientation_text
 from endoct.fusion.registration.rigidity import LoosePart
 from endoct.fusion.registration.steps import LEAST_STEP_MM, Step
-from endoct.fusion.result import ByHand, CorrectedTwist, Drift, Line, Overlap, PairScores, PlacedPair
+from endoct.fusion.result import ByHand, Drift, Line, Overlap, PairScores, PlacedPair
 from endoct.stitching.panorama import LEAST_VALID_SHARE, Panorama
 
 LEAST_DRIFT_MM = 0.1
@@ -215,17 +215,6 @@ def _of_score(overlap: Overlap) -> Iterator[Doubt]:
             f"anywhere between {without[0]:.2f} and {without[1]:.2f}."
         )
         yield Doubt("few-cells-decide", what, value=change, unit="1", expected=(0.0, FEW_DECIDE))
-
-
-def doubt_of_twist(twist: CorrectedTwist, names: tuple[str, str]) -> Doubt:
-    """Return the doubt that a corrected twist raises the score by itself."""
-    without, corrected = twist.jaccard_without, twist.jaccard_with
-    what = (
-        f"The rows of {names[1]} were turned to where they fit {names[0]} best, as was asked for. That raises the "
-        f"score by itself: the Jaccard index is {_share(without)} without it, {_share(corrected)} with it."
-    )
-    gain = None if without is None or corrected is None else corrected - without
-    return Doubt("twist-corrected", what, value=gain, unit=None if gain is None else "1", expected=None)
 
 
 def _of_drift(drift: Drift) -> Iterator[Doubt]:

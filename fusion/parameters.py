@@ -31,6 +31,3 @@ class CompareParameters(SegmentParameters):
         default=0.1, ge=1e-4, le=10, description="outlines nearer to each other than this count as one"
     )
     force: bool = Field(default=False, description="believe the best alignment however little it stands out")
-    correct_twist: bool = Field(
-        default=False, description="turn B's rows to where they fit A best; raises the score, so that both are given"
-    )

@@ -11,7 +11,6 @@ from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, SearchOutcome
 from endoct.fusion.geometry.placement import Sampling
-from endoct.fusion.registration.twist import Twist
 from endoct.fusion.result import ByHand, Plane, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
@@ -85,7 +84,6 @@ class Placed:
     both, cells, samplings: each on its own samples, its cells there, and how these lie in A's frame.
     outcome, by_hand, doubts: where B lies, what landmark pairs say of that, and what speaks against a method.
     notes: what is to be known, by side.
-    twist: by what B's rows were turned, and the Jaccard index without that; None where nothing was.
     """
 
     grid: SurfaceGrid
@@ -97,7 +95,6 @@ class Placed:
     by_hand: ByHand | None = None
     doubts: tuple[Doubt, ...] = ()
     notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    twist: tuple[Twist, float | None] | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from endoct.workbench.bench.runner import Row, Status
+from endoct.workbench.bench.runner import MethodResult, Status
 from endoct.workbench.bench.task import AnyTask, Case, Declined, Range, Task, draw
 from endoct.workbench.bench.tasks.alignment import RANGES
 
@@ -32,8 +32,8 @@ def install(monkeypatch: pytest.MonkeyPatch, task: AnyTask) -> None:
         monkeypatch.setattr(f"endoct.workbench.bench.{module}.load_task", lambda name: task)
 
 
-def row(method: str, case: str, status: Status, **scores: float) -> Row:
-    return Row(case, method, status, "", 1.0, 1.0, {}, scores)
+def row(method: str, case: str, status: Status, **scores: float) -> MethodResult:
+    return MethodResult(case, method, status, "", 1.0, 1.0, {}, scores)
 
 
 def doubling_case(seed: int, index: int, ranges: Mapping[str, Range]) -> Case[float, float]:

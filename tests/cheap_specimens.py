@@ -11,7 +11,7 @@ import numpy as np
 import tifffile
 import zarr
 
-from endoct.workbench.dataset.plan import Job, Plan
+from endoct.workbench.dataset.plan import DatasetPlan, Job
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Cheap:
     seconds: float = 0.0
     extra_bytes: int = 0
 
-    def __call__(self, folder: Path, plan: Plan, job: Job) -> None:
+    def __call__(self, folder: Path, plan: DatasetPlan, job: Job) -> None:
         self._note(f"begin {job.index} {os.getpid()}")
         rng = np.random.default_rng([job.seed, job.bore_seed])
         for part in ("oct", "endoscope", "truth"):

@@ -1,6 +1,6 @@
 """Small sets of a published benchmark, and submissions on sets that are nowhere, for tests."""
 
-from endoct.workbench.bench.published.definition import Definition, Difficulty, Kind, Planned, load_definition
+from endoct.workbench.bench.published.definition import Definition, Difficulty, Planned, SpecimenKind, load_definition
 from endoct.workbench.bench.published.specimen_set import Entry
 from endoct.workbench.bench.published.submission import Scored, Submission
 
@@ -10,15 +10,15 @@ TASKS = ("segmentation", "stitching", "oct", "alignment", "depth")
 def tiny(count: int = 1) -> Definition:
     """The benchmark with specimens of the smallest preset, and of the second generator, which has no writer here."""
     kinds = (
-        Kind(generator="simulator", difficulty="easy", tasks=TASKS, count=count, preset="learning"),
-        Kind(generator="second", difficulty="easy", tasks=TASKS, count=count),
+        SpecimenKind(generator="simulator", difficulty="easy", tasks=TASKS, count=count, preset="learning"),
+        SpecimenKind(generator="second", difficulty="easy", tasks=TASKS, count=count),
     )
     return load_definition("endoct-bench-2").model_copy(update={"kinds": kinds})
 
 
 def planned_specimen(difficulty: Difficulty, seed: int) -> Planned:
     """A specimen of the smallest preset."""
-    kind = Kind(generator="simulator", difficulty=difficulty, tasks=TASKS, count=1, preset="learning")
+    kind = SpecimenKind(generator="simulator", difficulty=difficulty, tasks=TASKS, count=1, preset="learning")
     return Planned(f"{kind.name}-000", kind, seed, "test")
 
 

@@ -145,8 +145,6 @@ ROLLED_Z_MM = 1e-4
 # What is asked of fine panoramas, in px of 2048 around: the goal is 0.05 in the mean, single cases reach 0.1.
 LANDMARK_PX = 0.12
 
-# A twist of rows of 512 samples found against the other side: its own step of 0.7°, and what cells shift by in 0.2 mm.
-TWIST_RAD = 0.015
 ELEMENTARY = 2e-6  # of float32 logarithms and exponentials, relative or absolute, and of azimuths, rad
 
 REFINED_RAD, REFINED_MM = 2e-5, 5e-5

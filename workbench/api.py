@@ -22,7 +22,7 @@ from endoct.workbench.running.scheduler import one_blas_thread, scheduler
 
 if TYPE_CHECKING:
     from endoct.fusion.sides import Comparison
-    from endoct.workbench.pipeline.summarising import Row
+    from endoct.workbench.pipeline.summarising import TableRow
 
 __all__ = ["compare", "demo", "load", "summarise", "unroll"]
 
@@ -95,7 +95,7 @@ def compare(request: CompareRequest) -> "Comparison":
 
 
 @by_request(SummariseRequest)
-def summarise(request: SummariseRequest) -> "dict[str, list[Row]]":
+def summarise(request: SummariseRequest) -> "dict[str, list[TableRow]]":
     """Summarise folders of comparisons, or of poses, written to the folder ``output`` where one is given.
 
     Arguments are those of :class:`~endoct.workbench.requests.SummariseRequest`. Returns tables by name, each a list of

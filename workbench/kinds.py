@@ -33,7 +33,7 @@ MOST_FOLDERS = 50_000
 
 
 @dataclass(frozen=True)
-class Kind:
+class PathKind:
     """What may lie at a path: ``is_at`` tells it by its mark. Its readers are "module:function", "" where it has none.
 
     Attributes: ``title`` in lists; ``described``, what `endoct info` says of a path; ``loaded``, what Python gets;
@@ -80,10 +80,10 @@ def is_mask(path: Path) -> bool:
 
 _INFORMATION, _VOLUMES = "endoct.workbench.pipeline.information", "endoct.workbench.pipeline.volumes"
 _COLLECTION, _OPENING = "endoct.workbench.page.collection", "endoct.workbench.page.opening"
-KINDS: dict[str, Kind] = {
+KINDS: dict[str, PathKind] = {
     row.name: row
     for row in (
-        Kind(
+        PathKind(
             COMPARISON,
             is_comparison,
             title="comparison",
@@ -93,7 +93,7 @@ KINDS: dict[str, Kind] = {
             shown=f"{_OPENING}:opened_comparison",
             pictured=f"{_COLLECTION}:pictured_page",
         ),
-        Kind(
+        PathKind(
             PANORAMA,
             is_panorama,
             title="recording",
@@ -103,7 +103,7 @@ KINDS: dict[str, Kind] = {
             shown=f"{_OPENING}:opened_panorama",
             pictured=f"{_COLLECTION}:pictured_page",
         ),
-        Kind(
+        PathKind(
             SPECIMEN,
             lambda path: (path / SAMPLE).is_file(),
             title="specimen",
@@ -111,23 +111,23 @@ KINDS: dict[str, Kind] = {
             pictured=f"{_COLLECTION}:pictured_specimen",
             has_recordings=True,
         ),
-        Kind(
+        PathKind(
             SUMMARY,
             lambda path: kind_of(path) == SUMMARY,
             title="summary",
             listed=f"{_COLLECTION}:listed_summary",
             pictured=f"{_COLLECTION}:pictured_summary",
         ),
-        Kind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
-        Kind(
+        PathKind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
+        PathKind(
             POSE,
             lambda path: kind_of(path) == POSE,
             loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
         ),
-        Kind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
-        Kind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
-        Kind(MASK, is_mask),
-        Kind(RECORDING, lambda _: True),
+        PathKind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
+        PathKind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),
+        PathKind(MASK, is_mask),
+        PathKind(RECORDING, lambda _: True),
     )
 }
 """All kinds by name, in the order in which a path is asked for them. What is none of them may be a recording."""
@@ -143,7 +143,7 @@ def output_at(path: Path) -> str | None:
     return next(outputs, None) or kind_of(path)
 
 
-def row_at(path: Path) -> Kind | None:
+def row_at(path: Path) -> PathKind | None:
     """Return the row of the output at ``path``; None where there is none. Raises what :func:`output_at` does."""
     return KINDS.get(output_at(path) or "")
 

@@ -12,11 +12,11 @@ from endoct.base.files.output import new_output
 from endoct.stitching.store import save_panorama
 from endoct.workbench.bench.checkpoint import open_checkpoint
 from endoct.workbench.bench.published.submission import read_submission, text_of
-from endoct.workbench.bench.runner import Plan, Row
+from endoct.workbench.bench.runner import BenchPlan, MethodResult
 
 BOARD = Path(__file__).parents[2] / "docs" / "results" / "board"
 KIND = "panorama"
-PLAN = Plan("segmentation", ("endoct", "otsu"), seeds=(1, 2))
+PLAN = BenchPlan("segmentation", ("endoct", "otsu"), seeds=(1, 2))
 
 
 def output_seeds() -> Iterator[Seed]:
@@ -41,10 +41,10 @@ def unfinished_seeds() -> Iterator[Seed]:
     with tempfile.TemporaryDirectory() as scratch:
         checkpoint = open_checkpoint(Path(scratch) / "results", PLAN, overwrite=False)
         for place in range(2):
-            row = Row(
+            row = MethodResult(
                 f"case {place}", "otsu", "ok", "", 0.5, 0.4, {"cell_mm": 0.5, "oct.scan": "step"}, {"jaccard": 0.7}
             )
-            checkpoint.save(place, [row, Row("case", "endoct", "failed", "it raised", 0.1, 0.1, {}, {})])
+            checkpoint.save(place, [row, MethodResult("case", "endoct", "failed", "it raised", 0.1, 0.1, {}, {})])
         yield Seed("unfinished", "", read_tree(Path(scratch)))
 
 

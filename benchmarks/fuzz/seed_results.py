@@ -21,7 +21,6 @@ from endoct.fusion.files.store import save_comparison
 from endoct.fusion.geometry.alignment import Alignment, LandmarkPair, Place, SearchOutcome
 from endoct.fusion.registration.by_hand import KnownBore, judge
 from endoct.fusion.result import (
-    CorrectedTwist,
     Drift,
     Limits,
     Line,
@@ -142,13 +141,11 @@ def _filled(result: Result) -> Result:
     assert result.scores is not None
     assert result.truth is not None
     assert result.raters is not None
-    twist = CorrectedTwist(jaccard_without=0.5, jaccard_with=0.6)
     consensus = {name: c.model_copy(update={"sides": _plain(c.sides)}) for name, c in result.raters.consensus.items()}
     against = {path: _plain(sides) for path, sides in result.truth.items()}
     changed = {
         "scores": _known(result.scores),
         "budget": result.budget and _known(result.budget),
-        "twist": twist,
         "by_hand": judge(
             PAIRS, SearchOutcome(Alignment(0.1, 0.2)), KnownBore(GRID.radius_mm, ((False, False),), (0.95, 1.05))
         ).said,

@@ -15,13 +15,13 @@ from benchmarks.fuzz.seed_results import write_wall
 from benchmarks.fuzz.trees import Seed, read_tree
 from endoct.synthetic.draw import draw
 from endoct.workbench.dataset.identity import write_identity
-from endoct.workbench.dataset.plan import Plan, Unit, job, split_of, units
+from endoct.workbench.dataset.plan import DatasetPlan, Unit, job, split_of, units
 
-FOLDERS = Plan(2, preset="learning", seed=3)
-SHARDS = Plan(2, preset="learning", seed=3, format="webdataset", specimens_per_shard=2)
+FOLDERS = DatasetPlan(2, preset="learning", seed=3)
+SHARDS = DatasetPlan(2, preset="learning", seed=3, format="webdataset", specimens_per_shard=2)
 
 
-def plan_of(root: Path) -> Plan:
+def plan_of(root: Path) -> DatasetPlan:
     """Return the plan that a data set of this module was made by, by what lies in it."""
     return SHARDS if (root / "shards").is_dir() else FOLDERS
 
@@ -68,7 +68,7 @@ def _specimen() -> dict[str, bytes]:
     return files | {"oct/pullback.tif": tiff(noise(2, 8, 6))}
 
 
-def _whole(plan: Plan, files: dict[str, bytes]) -> dict[str, bytes]:
+def _whole(plan: DatasetPlan, files: dict[str, bytes]) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as folder:
         write_identity(Path(folder), plan)
         identity = (Path(folder) / "dataset.json").read_bytes()
@@ -90,7 +90,7 @@ def _whole(plan: Plan, files: dict[str, bytes]) -> dict[str, bytes]:
     return found | {"manifest.csv": table.getvalue().encode()}
 
 
-def _record(plan: Plan, unit: Unit, files: dict[str, bytes]) -> dict[str, Any]:
+def _record(plan: DatasetPlan, unit: Unit, files: dict[str, bytes]) -> dict[str, Any]:
     place = unit.place.as_posix()
     mine = {name: data for name, data in files.items() if name.startswith(place)}
     drawn = {"digest": "ab" * 32, "parameters": {"oct.wall_db": 12.5}}

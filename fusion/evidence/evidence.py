@@ -19,7 +19,7 @@ from endoct.fusion.evidence.relief import WALL_QUANTILE, relief, trust_in
 from endoct.fusion.geometry.placement import column_weights, resample, row_weights
 from endoct.stitching.panorama import Panorama
 
-Kind = Literal["relief", "darkness", "brightness", "probability", "mask"]
+EvidenceKind = Literal["relief", "darkness", "brightness", "probability", "mask"]
 Polarity = Literal["dark", "bright"]
 
 CLIP = {
@@ -40,7 +40,7 @@ There the floor of a cell as large as the bore is not taken for dim light on the
 LIGHT_GRID_MM = 0.05
 FAINTEST = 0.02
 """An intensity below this share of the median counts as this share: the logarithm of dark noise says nothing."""
-_KIND_OF: dict[Polarity, Kind] = {"dark": "darkness", "bright": "brightness"}
+_KIND_OF: dict[Polarity, EvidenceKind] = {"dark": "darkness", "bright": "brightness"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Evidence:
     dz_mm: float
     theta0_rad: float
     radius_mm: float
-    kind: Kind
+    kind: EvidenceKind
     slant: float | None = None
 
     @property

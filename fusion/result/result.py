@@ -18,7 +18,6 @@ from endoct.fusion.result.scores import (
     Budget,
     ByLi,
     Count,
-    Flags,
     MaskScores,
     Number,
     Numbers,
@@ -248,17 +247,6 @@ class Bootstrap(Part):
     over: str
 
 
-class CorrectedTwist(Part):
-    """How far every row of B was turned to where it fits A best, and the Jaccard index without and with that."""
-
-    note: str | None = None
-    z_mm: Numbers = ()
-    twist_rad: Numbers = ()
-    known: Flags = ()
-    jaccard_without: Number | None = None
-    jaccard_with: Number | None = None
-
-
 class Result(Part):
     """What a comparison found. Where the sides are not aligned, nothing is scored, and ``reason`` says why.
 
@@ -281,7 +269,6 @@ class Result(Part):
     doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
         side, which are read as doubts without a code of their own.
     notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
-    twist: what was corrected, where a correction of the twist was asked for.
     by_hand: what landmark pairs did and say, where a session with some was given.
     truth: scores by the path of a mask given as truth, then by side.
     raters: how far several such masks agree.
@@ -311,7 +298,6 @@ class Result(Part):
     valid_fraction: Number
     overlap_mm: Number | None = None
     doubts: Annotated[tuple[StoredDoubt, ...], Field(strict=False)] = ()
-    twist: CorrectedTwist | None = None
     by_hand: ByHand | None = None
     truth: dict[str, dict[str, MaskScores]] | None = None
     raters: Raters | None = None

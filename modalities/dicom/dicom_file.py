@@ -77,7 +77,7 @@ class DicomFile:
 
 
 @dataclass(frozen=True)
-class Kind:
+class DicomContent:
     """What a file holds: the UID of its SOP class and its modality, "" where it does not say."""
 
     sop_class: str
@@ -101,7 +101,7 @@ class Kind:
         return self.is_catheter or self.is_pictures
 
 
-UNKNOWN = Kind("", "")
+UNKNOWN = DicomContent("", "")
 
 
 def name_of(uid: str) -> str:
@@ -118,7 +118,7 @@ def is_dicom(path: Path) -> bool:
     return start[PREAMBLE:] == MAGIC or _BARE.match(start) is not None
 
 
-def kind_of(path: Path) -> Kind:
+def kind_of(path: Path) -> DicomContent:
     """Return what a DICOM file holds, by its first elements; unknown for another file, or a damaged one."""
     try:
         state = path.stat()
@@ -128,7 +128,7 @@ def kind_of(path: Path) -> Kind:
 
 
 @lru_cache(maxsize=4096)  # a folder of hundreds of files is asked again and again
-def _kind_of(path: Path, _state: tuple[int, int, int]) -> Kind:
+def _kind_of(path: Path, _state: tuple[int, int, int]) -> DicomContent:
     if not is_dicom(path):
         return UNKNOWN
     try:
@@ -141,7 +141,7 @@ def _kind_of(path: Path, _state: tuple[int, int, int]) -> Kind:
                 force=True,
                 specific_tags=[0x0008_0016, _LAST_OF_KIND],
             )
-            return Kind(_class_of(start), str(start.get("Modality") or ""))
+            return DicomContent(_class_of(start), str(start.get("Modality") or ""))
     except (EndoctError, OSError):
         return UNKNOWN
 

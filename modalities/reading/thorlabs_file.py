@@ -17,7 +17,7 @@ from endoct.base.files.zip_members import ZIP_START, Member, check_held, list_me
 from endoct.modalities.reading.remarks import NONE, Remarks, doubted
 from endoct.modalities.reading.thorlabs_header import ROOT, DataFile, Header, axial_pixel_mm, read_header, regions_of
 
-Kind = Literal["raw", "real", "complex"]
+SampleKind = Literal["raw", "real", "complex"]
 NAME = "a Thorlabs OCT file (ThorImage)"
 HEADER = "header.xml"
 MOST_HEADER_BYTES = 16_000_000
@@ -55,7 +55,7 @@ class Container:
     path: Path
     header: Header
     members: dict[str, Member]
-    kind: Kind
+    kind: SampleKind
     dtype: np.dtype[Any]
     n_samples: int
     bscans: tuple[BScan, ...]
@@ -148,7 +148,7 @@ def _processed(
         remarks += on_places
     if n_bscans != file.size_y:
         remarks += _miscounted(path, n_bscans, file.size_y)
-    kind: Kind = "complex" if dtype.kind == "c" else "real"
+    kind: SampleKind = "complex" if dtype.kind == "c" else "real"
     return _described(Container(path, header, members, kind, dtype, file.size_z, bscans, None, remarks), file)
 
 

@@ -100,11 +100,9 @@ class Network(Parameters):
 class Density(Parameters):
     """How dense the bone is from place to place, in three dimensions; CT, OCT and endoscope all show it.
 
-    No figures of the mastoid were found. In dense jaw bone, trabeculae are 0.30 mm thick, their middles 0.30 + 0.59 mm
-    apart (Lee 2017, J Periodontal Implant Sci 47:20): ``scale_mm`` lies between these. Micro-CT of the mastoid shows
-    micro-channels (Cros 2013, doi 10.1016/j.heares.2013.03.002), but their width was not found either. So
-    ``channel_mm`` lies between canals of compact bone, too small to see, and the emissary canal. That is 1.3 mm wide
-    (Özen 2019, doi 10.5505/vtd.2019.69077), and a bore seldom meets it.
+    No figures of the mastoid were found. ``scale_mm`` is that of dense jaw bone (Lee 2017, J Periodontal Implant Sci
+    47:20). ``channel_mm`` lies between canals of compact bone, too small to see, and the emissary canal of 1.3 mm
+    (Özen 2019, doi 10.5505/vtd.2019.69077).
     """
 
     contrast: float = drawn(0.08, 0.2, "rms of the density over its mean (chosen)", (0, 0.3))

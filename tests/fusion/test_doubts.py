@@ -9,7 +9,6 @@ from doubted import outside
 
 from endoct.base.doubt import Doubt
 from endoct.fusion.doubts import (
-    doubt_of_twist,
     doubts_of_alignment,
     doubts_of_bend,
     doubts_of_largest_cell,
@@ -26,7 +25,7 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.registration.align import remedies
 from endoct.fusion.registration.instruments import largest_cell_share
 from endoct.fusion.registration.rigidity import LoosePart
-from endoct.fusion.result import CorrectedTwist, Drift, Line, Overlap, PairScores
+from endoct.fusion.result import Drift, Line, Overlap, PairScores
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import AxialScale, Panorama
 
@@ -158,13 +157,6 @@ def test_an_alignment_that_rests_on_one_cell_is_doubted() -> None:
 def test_little_wall_and_no_cells_are_doubted() -> None:
     assert [doubt.code for doubt in of_scores(0.41)] == ["little-observed-by-both"]
     assert [doubt.code for doubt in of_scores(grid=Overlap(jaccard=None, dice=None))] == ["nothing-to-score"]
-
-
-def test_a_twist_corrected_against_the_other_side_is_doubted_with_both_figures() -> None:
-    doubt = doubt_of_twist(CorrectedTwist(jaccard_without=0.71, jaccard_with=0.78), ("endoscope", "oct"))
-    assert doubt.code == "twist-corrected"
-    assert "0.710 without it, 0.780 with it" in doubt.what
-    assert doubt.value == pytest.approx(0.07)
 
 
 @pytest.mark.parametrize(

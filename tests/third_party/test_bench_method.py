@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from endoct.workbench.bench.runner import Plan, run
+from endoct.workbench.bench.runner import BenchPlan, run
 from endoct.workbench.bench.task import check_names, load_task, origin
 
 PACKAGE = Path(__file__).parent / "endoct-behind-median"
@@ -31,7 +31,7 @@ def test_it_is_on_the_bench_beside_the_others(installed: None) -> None:
     names = check_names(task, ["behind-median", "otsu"])
     assert "endoct-behind-median 0.1.0" in origin(task, "behind-median")
     ranges = {**task.ranges, "recipe": ("made",), "signal_db": (20.0, 20.0)}
-    rows = run(Plan(task.name, names, (1, 2, 3), 1, ranges), workers=1, advance=lambda _: None)
+    rows = run(BenchPlan(task.name, names, (1, 2, 3), 1, ranges), workers=1, advance=lambda _: None)
     own = [row for row in rows if row.method == "behind-median"]
     for row in own:
         assert row.status == ("ok" if row.conditions["modality"] == "depth" else "declined"), row.reason

@@ -19,7 +19,7 @@ from endoct.modalities.reading import images
 from endoct.workbench import kinds, load, summarise
 from endoct.workbench.desk.study import inputs_in
 from endoct.workbench.exporting.source import open_for_export
-from endoct.workbench.kinds import KINDS, Kind, kind_at, output_at, places_in, reader
+from endoct.workbench.kinds import KINDS, PathKind, kind_at, output_at, places_in, reader
 from endoct.workbench.page.collection import collection_html, entries_in
 from endoct.workbench.page.opening import can_be_shown, open_shown
 from endoct.workbench.page.presence import Origin
@@ -103,7 +103,9 @@ def test_a_new_kind_is_a_row_and_its_readers(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "trip" / "album.json").write_text("{}")
     seal(tmp_path / "trip", "album")
     by = dict.fromkeys(("described", "listed", "loaded", "pictured"), f"{__name__}:said")
-    row = Kind("album", lambda path: (path / "album.json").is_file(), title="album", shown=f"{__name__}:shown", **by)
+    row = PathKind(
+        "album", lambda path: (path / "album.json").is_file(), title="album", shown=f"{__name__}:shown", **by
+    )
     before = entries_in(tmp_path)
     monkeypatch.setitem(kinds.KINDS, "album", row)
     (entry,) = entries_in(tmp_path)

@@ -33,7 +33,7 @@ from endoct.workbench.bench.results.result_tables import (
     write_differences,
 )
 from endoct.workbench.bench.results.score_summary import Difference, Spread
-from endoct.workbench.bench.runner import Row
+from endoct.workbench.bench.runner import MethodResult
 from endoct.workbench.bench.tasks.segmentation import TASK
 from endoct.workbench.commands.console import TextConsole, print_json, print_line
 from endoct.workbench.pipeline.summarising import write_summary
@@ -175,7 +175,7 @@ def test_wrong_usage_quotes_names_visibly(run: Run, arguments: tuple[str, ...]) 
 
 
 def test_tables_of_the_bench_show_texts_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    rows = [Row(HOSTILE, HOSTILE, "failed", f"ValueError: {HOSTILE}", 1.0, 1.0, {}, {})]
+    rows = [MethodResult(HOSTILE, HOSTILE, "failed", f"ValueError: {HOSTILE}", 1.0, 1.0, {}, {})]
     apart = [Difference(HOSTILE, HOSTILE, Spread(1, 0.0, 0.0, 0.0), 0, 1)]
     console = TextConsole(width=200)
     for part in (table(rows, TASK), *footnotes(rows, TASK), difference_table(apart, HOSTILE)):
@@ -268,7 +268,7 @@ def test_texts_in_tables_are_no_formulae(tmp_path: Path) -> None:
         write_summary({"scores": [scores]}, tmp_path / f"summary {FORMULAE.index(text)}")
         ours = tmp_path / f"summary {FORMULAE.index(text)}" / "scores.csv"
         assert _cells(ours)[1] == ["first", f"'{text}", f"'{text}", "jaccard", "-0.5"]
-        rows = [Row(text, text, "failed", text, 1.5, 1.5, {text: text, "shift": -1.25}, {text: -0.25})]
+        rows = [MethodResult(text, text, "failed", text, 1.5, 1.5, {text: text, "shift": -1.25}, {text: -0.25})]
         write_csv(rows, TASK, tmp_path / "results.csv")
         header, told = _cells(tmp_path / "results.csv")
         cell = spreadsheet_text(visible(text))

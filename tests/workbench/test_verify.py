@@ -11,13 +11,13 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME
 from endoct.base.files.output import new_output
 from endoct.workbench.dataset.creation import make_dataset
-from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.plan import DatasetPlan
 from endoct.workbench.page.report import write_report
 from endoct.workbench.running.outputs import COMPARISON
 from endoct.workbench.verifying import Integrity, verify
 
-SET = Plan(4, seed=3)
-SHARDS = Plan(4, seed=3, format="webdataset", specimens_per_shard=2)
+SET = DatasetPlan(4, seed=3)
+SHARDS = DatasetPlan(4, seed=3, format="webdataset", specimens_per_shard=2)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_a_folder_of_outputs_is_checked_one_by_one(comparison: Path, tmp_path: P
 
 
 @pytest.mark.parametrize("plan", [SET, SHARDS], ids=["folders", "shards"])
-def test_a_data_set_is_checked_by_its_records(plan: Plan, tmp_path: Path) -> None:
+def test_a_data_set_is_checked_by_its_records(plan: DatasetPlan, tmp_path: Path) -> None:
     root = tmp_path / "set"
     make_dataset(root, plan, workers=1, make=Cheap(tmp_path / "log"))
     assert only(root).intact

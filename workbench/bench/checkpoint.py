@@ -24,7 +24,7 @@ from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import clear_dead_scratch, new_file
-from endoct.workbench.bench.runner import Plan, Row
+from endoct.workbench.bench.runner import BenchPlan, MethodResult
 from endoct.workbench.bench.task import module_of, origin
 from endoct.workbench.running.outputs import versions
 from endoct.workbench.running.refusals import refusing_disk_errors
@@ -37,7 +37,7 @@ MOST_BYTES = 16_000_000
 PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
 
-def plan_facts(plan: Plan) -> Facts:
+def plan_facts(plan: BenchPlan) -> Facts:
     """Return what is run, on which cases, and with which versions."""
     task = plan.load_task()
     return {
@@ -81,12 +81,12 @@ class Checkpoint:
 
     folder: Path
 
-    def read(self) -> dict[int, list[Row]]:
+    def read(self) -> dict[int, list[MethodResult]]:
         """Return the rows of every source that is finished. Raises :class:`EndoctError` where a file is damaged."""
         files = sorted(path for path in self.folder.iterdir() if _OWN_NAME.fullmatch(path.name) and path.name != RUN)
         return {int(path.stem): _rows(path) for path in files}
 
-    def save(self, place: int, rows: Sequence[Row]) -> None:
+    def save(self, place: int, rows: Sequence[MethodResult]) -> None:
         """Store the rows of one source."""
         _write(self.folder / f"{place:06d}.json", [asdict(row) for row in rows])
 
@@ -95,7 +95,7 @@ class Checkpoint:
         _remove(self.folder)
 
 
-def open_checkpoint(output: Path, plan: Plan, *, overwrite: bool) -> Checkpoint:
+def open_checkpoint(output: Path, plan: BenchPlan, *, overwrite: bool) -> Checkpoint:
     """Return the checkpoint of ``plan`` next to ``output``, new or as an earlier run of the same plan left it.
 
     Raises :class:`EndoctError` where it belongs to another plan, or to other code; with ``overwrite`` that goes.
@@ -121,12 +121,12 @@ def open_checkpoint(output: Path, plan: Plan, *, overwrite: bool) -> Checkpoint:
     return Checkpoint(folder)
 
 
-def _rows(path: Path) -> list[Row]:
+def _rows(path: Path) -> list[MethodResult]:
     with refusing(f"{path} is damaged", remedy="remove it; its cases are then run again"):
-        return TypeAdapter(list[Row]).validate_json(read_small(path, MOST_BYTES))
+        return TypeAdapter(list[MethodResult]).validate_json(read_small(path, MOST_BYTES))
 
 
-def source_digests(plan: Plan) -> Mapping[str, str]:
+def source_digests(plan: BenchPlan) -> Mapping[str, str]:
     """Return digests of endoct's source and of the modules of others' methods, but not of what those import."""
     task = plan.load_task()
     ours = [path for part in PARTS for path in sorted(Path(import_module(f"endoct.{part}").__path__[0]).rglob("*.py"))]

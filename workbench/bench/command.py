@@ -23,7 +23,7 @@ from endoct.workbench.bench.results.result_tables import (
     write_json,
 )
 from endoct.workbench.bench.results.score_summary import Difference, by_word, differences, score_names
-from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run
+from endoct.workbench.bench.runner import BenchPlan, MethodResult, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
 from endoct.workbench.requests import BenchRequest, by_request
 from endoct.workbench.running.outputs import BENCH_RESULTS
@@ -41,7 +41,7 @@ class Results:
     """The rows of a run, and the differences from the method that the others are compared with, if any."""
 
     task: AnyTask
-    rows: Sequence[Row]
+    rows: Sequence[MethodResult]
     differing: Sequence[Difference]
 
 
@@ -128,7 +128,7 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
     return facts, [*lines, f"results: {output}"]
 
 
-def _planned(request: BenchRequest) -> tuple[AnyTask, Plan]:
+def _planned(request: BenchRequest) -> tuple[AnyTask, BenchPlan]:
     task = load_task(request.task)
     methods = check_names(task, listed_names(request.methods))
     if request.against is not None:
@@ -138,9 +138,11 @@ def _planned(request: BenchRequest) -> tuple[AnyTask, Plan]:
     if request.data:
         if request.conditions or request.sweep:
             raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
-        return task, Plan(request.task, methods, ranges={}, own=own_folders([Path(folder) for folder in request.data]))
+        return task, BenchPlan(
+            request.task, methods, ranges={}, own=own_folders([Path(folder) for folder in request.data])
+        )
     ranges = narrowed(task, request.conditions, request.sweep)
-    return task, Plan(request.task, methods, parse_seeds(request.seeds), request.count, ranges)
+    return task, BenchPlan(request.task, methods, parse_seeds(request.seeds), request.count, ranges)
 
 
 def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
@@ -161,7 +163,7 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 
 def _run(
-    task: AnyTask, plan: Plan, workers: int, checkpoint: Checkpoint | None, stages: Stages
+    task: AnyTask, plan: BenchPlan, workers: int, checkpoint: Checkpoint | None, stages: Stages
 ) -> tuple[Results, Facts, Lines]:
     start = time.perf_counter()
     finished = {} if checkpoint is None else checkpoint.read()

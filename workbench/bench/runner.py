@@ -39,7 +39,7 @@ Source = tuple[int, int] | Path
 
 
 @dataclass(frozen=True)
-class Plan:
+class BenchPlan:
     """What to run: cases from ``seeds`` × ``count``, drawn from ``ranges``, or those in the folders ``own``.
 
     ``programs``: the commands of methods that are programs, by name. ``hidden``: the folder that holds the truth of
@@ -66,7 +66,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Row:
+class MethodResult:
     """What came of one method on one case.
 
     ``status`` is "ok", "declined" (it said it does not know), "failed" (it raised, or its answer is useless) or
@@ -84,17 +84,17 @@ class Row:
     scores: Mapping[str, float]
 
 
-Keep = Callable[[int, Sequence[Row]], None]
+Keep = Callable[[int, Sequence[MethodResult]], None]
 
 
 def run(
-    plan: Plan,
+    plan: BenchPlan,
     *,
     workers: int,
     advance: Advance,
-    finished: Mapping[int, Sequence[Row]] | None = None,
+    finished: Mapping[int, Sequence[MethodResult]] | None = None,
     keep: Keep | None = None,
-) -> list[Row]:
+) -> list[MethodResult]:
     """Run every method on every case; rows in the order of the cases, then of the methods.
 
     Cases and scores do not depend on ``workers``, the processes that share them. ``finished`` holds the rows of
@@ -112,14 +112,16 @@ def run(
     return [row for place in sorted(rows) for row in rows[place]]
 
 
-def _run_here(plan: Plan, wanted: Mapping[int, Source], advance: Advance) -> Iterator[tuple[int, list[Row]]]:
+def _run_here(
+    plan: BenchPlan, wanted: Mapping[int, Source], advance: Advance
+) -> Iterator[tuple[int, list[MethodResult]]]:
     for done, (place, source) in enumerate(wanted.items()):
         yield place, run_source(plan, source, lambda share: advance((done + share) / len(wanted)))  # noqa: B023
 
 
 def _run_by_processes(
-    plan: Plan, wanted: Mapping[int, Source], advance: Advance, workers: int
-) -> Iterator[tuple[int, list[Row]]]:
+    plan: BenchPlan, wanted: Mapping[int, Source], advance: Advance, workers: int
+) -> Iterator[tuple[int, list[MethodResult]]]:
     from distributed import KilledWorker, as_completed
 
     from endoct.workbench.running.cluster import own_cluster
@@ -139,13 +141,13 @@ def _run_by_processes(
 
 
 @one_blas_thread()
-def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> list[Row]:
+def run_source(plan: BenchPlan, source: Source, advance: Advance | None = None) -> list[MethodResult]:
     """Run every method on the cases of one source, BLAS with one thread for all."""
     task = plan.load_task()
     if plan.hidden is not None:
         task = apart(task, plan.methods, plan.hidden)
     cases = _cases(task, source, plan)
-    rows: list[Row] = []
+    rows: list[MethodResult] = []
     for case in cases:
         try:
             for name in plan.methods:
@@ -158,7 +160,7 @@ def run_source(plan: Plan, source: Source, advance: Advance | None = None) -> li
     return rows
 
 
-def _cases(task: AnyTask, source: Source, plan: Plan) -> Sequence[AnyCase]:
+def _cases(task: AnyTask, source: Source, plan: BenchPlan) -> Sequence[AnyCase]:
     if not isinstance(source, Path):
         return [task.cases(*source, task.ranges if plan.ranges is None else plan.ranges)]
     if task.own is None:
@@ -166,7 +168,7 @@ def _cases(task: AnyTask, source: Source, plan: Plan) -> Sequence[AnyCase]:
     return task.own(source)
 
 
-def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
+def run_method(task: AnyTask, name: str, case: AnyCase) -> MethodResult:
     """Run one method on one case."""
     status: Status = "ok"
     reason = ""
@@ -189,7 +191,7 @@ def run_method(task: AnyTask, name: str, case: AnyCase) -> Row:
         status, reason = "failed", _reason(error)
         if isinstance(error, ModuleNotFoundError) and not (error.name or "endoct").startswith("endoct"):
             status, reason = "missing", f"{error.name} is not installed"
-    return Row(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
+    return MethodResult(case.name, name, status, reason[:LONGEST_REASON], seconds, cpu_seconds, case.conditions, scores)
 
 
 def _judged(task: AnyTask, case: AnyCase, answer: object) -> dict[str, float]:

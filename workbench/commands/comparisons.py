@@ -13,7 +13,7 @@ from endoct.workbench.requests import UNSET, CompareRequest, Output, SummariseRe
 from endoct.workbench.running.refusals import DONE
 
 if TYPE_CHECKING:
-    from endoct.workbench.pipeline.summarising import Row
+    from endoct.workbench.pipeline.summarising import TableRow
 
 _IN_FILES_ONLY = ("statistic", "quartile_1", "quartile_3")
 """Columns of a summary that are left out of what is printed."""
@@ -106,7 +106,7 @@ class Summarise(SummariseRequest):
         return DONE
 
 
-def _print_table(name: str, rows: "Sequence[Row]") -> None:
+def _print_table(name: str, rows: "Sequence[TableRow]") -> None:
     table = Table(title=name, title_justify="left", box=None)
     for column in rows[0]:
         table.add_column(column, no_wrap=True)
@@ -117,7 +117,7 @@ def _print_table(name: str, rows: "Sequence[Row]") -> None:
     console.print(table, crop=False)
 
 
-def _print_poses(poses: Sequence["Row"], agreement: Sequence["Row"]) -> None:
+def _print_poses(poses: Sequence["TableRow"], agreement: Sequence["TableRow"]) -> None:
     for row in poses:
         value, low, high = (_text(row.get(f"offset_at_target_mm{end}")) for end in ("", "_low", "_high"))
         said = f"{value} ({low} to {high}) mm off its plan at the target" if row["told"] else "not told"

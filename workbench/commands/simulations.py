@@ -98,11 +98,13 @@ class Dataset:
     def __call__(self) -> int:
         """Make the data set, or estimate what it would take; print that, and return the exit status."""
         from endoct.workbench.dataset.creation import run_dataset
-        from endoct.workbench.dataset.plan import Plan
+        from endoct.workbench.dataset.plan import DatasetPlan
         from endoct.workbench.settings import parse_vary
 
         ranges, stages = parse_vary(self.vary), command_stages(self.json)
-        plan = Plan(self.count, self.preset, self.seed, ranges, self.format, self.labels, self.recordings_per_bore)
+        plan = DatasetPlan(
+            self.count, self.preset, self.seed, ranges, self.format, self.labels, self.recordings_per_bore
+        )
         facts, lines = run_dataset(
             self.output, plan, workers=self.workers, scheduler=self.scheduler, dry_run=self.dry_run, stages=stages
         )

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from endoct.workbench.dataset.creation import make_dataset
     from endoct.workbench.dataset.loader import Specimens
-    from endoct.workbench.dataset.plan import Plan
+    from endoct.workbench.dataset.plan import DatasetPlan
 
-__all__ = ["Plan", "Specimens", "make_dataset"]
+__all__ = ["DatasetPlan", "Specimens", "make_dataset"]
 
 _MODULES = {
-    "Plan": "endoct.workbench.dataset.plan",
+    "DatasetPlan": "endoct.workbench.dataset.plan",
     "Specimens": "endoct.workbench.dataset.loader",
     "make_dataset": "endoct.workbench.dataset.creation",
 }

@@ -21,7 +21,7 @@ from endoct.synthetic.draw import draw
 from endoct.synthetic.sample.presets import PRESETS
 from endoct.workbench.dataset.identity import check_identity, write_identity
 from endoct.workbench.dataset.overview import MANIFEST, SHEET, readme, text, write_contact_sheet, write_manifest
-from endoct.workbench.dataset.plan import Plan, Unit, job, split_counts, units
+from endoct.workbench.dataset.plan import DatasetPlan, Unit, job, split_counts, units
 from endoct.workbench.dataset.set_files import (
     DAMAGED,
     RECORDS,
@@ -74,7 +74,7 @@ class Forecast:
 
 def make_dataset(
     output: Path | str,
-    plan: Plan,
+    plan: DatasetPlan,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -124,7 +124,7 @@ def make_dataset(
 
 def forecast(
     output: Path | str,
-    plan: Plan,
+    plan: DatasetPlan,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -162,7 +162,7 @@ def forecast(
     )
 
 
-def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str | None) -> tuple[Path, int]:
+def _checked(output: Path | str, plan: DatasetPlan, workers: int | None, scheduler: str | None) -> tuple[Path, int]:
     """Return the folder of the set and the number of processes. Raises where they or the plan are impossible."""
     if workers is not None and scheduler is not None:
         raise EndoctError("--workers and --scheduler exclude one another", remedy="leave one of them out")
@@ -180,7 +180,7 @@ def _checked(output: Path | str, plan: Plan, workers: int | None, scheduler: str
 
 
 @contextmanager
-def _begun(root: Path, plan: Plan) -> Iterator[Event]:
+def _begun(root: Path, plan: DatasetPlan) -> Iterator[Event]:
     """Hold the lock of ``root`` and write the files that describe the set; leave nothing where no specimen was made.
 
     The event that is yielded is to be set once processes that outlive this one may make something.
@@ -217,7 +217,7 @@ def _begun(root: Path, plan: Plan) -> Iterator[Event]:
         _remove_empty(made)  # where it came to nothing before anything was begun
 
 
-def _finished_bytes(root: Path, plan: Plan, stages: Stages) -> dict[str, int]:
+def _finished_bytes(root: Path, plan: DatasetPlan, stages: Stages) -> dict[str, int]:
     """Return the bytes of every unit that is finished, by name; each byte is read and held against its record."""
     every = list(units(plan)) if (root / RECORDS).is_dir() else []
     sizes: dict[str, int] = {}
@@ -245,7 +245,13 @@ def _remove_empty(folders: Iterable[Path]) -> None:
 
 @contextmanager
 def _makers(
-    root: Path, plan: Plan, missing: Sequence[Unit], workers: int, scheduler: str | None, make: Make, handed_out: Event
+    root: Path,
+    plan: DatasetPlan,
+    missing: Sequence[Unit],
+    workers: int,
+    scheduler: str | None,
+    make: Make,
+    handed_out: Event,
 ) -> Iterator[Iterator[Done]]:
     """Yield what makes the ``missing`` units.
 
@@ -266,7 +272,7 @@ def _makers(
 
 
 def run_dataset(
-    output: Path, plan: Plan, *, workers: int | None, scheduler: str | None, dry_run: bool, stages: Stages
+    output: Path, plan: DatasetPlan, *, workers: int | None, scheduler: str | None, dry_run: bool, stages: Stages
 ) -> tuple[dict[str, object], list[str]]:
     """Make the data set, or only estimate it; return the result as facts and as lines for people."""
     if dry_run:
@@ -287,7 +293,7 @@ def run_dataset(
 
 
 def _dry_run(
-    output: Path, plan: Plan, workers: int | None, scheduler: str | None, stages: Stages
+    output: Path, plan: DatasetPlan, workers: int | None, scheduler: str | None, stages: Stages
 ) -> tuple[dict[str, object], list[str]]:
     reckoned = forecast(output, plan, workers=workers, scheduler=scheduler, stages=stages)
     counts, size = split_counts(plan), PRESETS[plan.preset]

@@ -11,7 +11,7 @@ from pathlib import Path
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import read_object
 from endoct.synthetic.specimen import SPECIMEN_VERSION
-from endoct.workbench.dataset.plan import Plan
+from endoct.workbench.dataset.plan import DatasetPlan
 from endoct.workbench.dataset.set_files import RECORDS, made_beyond, top_file
 from endoct.workbench.running.outputs import DATA_SET_FILE, versions
 from endoct.workbench.settings import ranges_text
@@ -30,14 +30,14 @@ class Identity:
     versions: Mapping[str, object]
 
 
-def write_identity(root: Path, plan: Plan) -> None:
+def write_identity(root: Path, plan: DatasetPlan) -> None:
     """Write ``dataset.json`` for ``plan``."""
     stored = {"count": plan.count, "arguments": _arguments(plan), "licence": LICENCE, "versions": made_with()}
     with top_file(root, DATA_SET_FILE) as file:
         file.write((json.dumps(stored, indent=1) + "\n").encode())
 
 
-def check_identity(root: Path, plan: Plan) -> None:
+def check_identity(root: Path, plan: DatasetPlan) -> None:
     """Raise :class:`EndoctError` where ``root`` holds something else than the beginning of ``plan``."""
     if not root.exists():
         return
@@ -140,7 +140,7 @@ def made_with() -> dict[str, str]:
     return versions() | {"simulator": SPECIMEN_VERSION}
 
 
-def _arguments(plan: Plan) -> dict[str, object]:
+def _arguments(plan: DatasetPlan) -> dict[str, object]:
     arguments: dict[str, object] = {
         "preset": plan.preset,
         "seed": plan.seed,

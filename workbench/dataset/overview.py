@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.dataset.loader import Specimens
-from endoct.workbench.dataset.plan import SPLITS, Plan, Split, Unit, job, split_counts, split_of, units
+from endoct.workbench.dataset.plan import SPLITS, DatasetPlan, Split, Unit, job, split_counts, split_of, units
 from endoct.workbench.dataset.set_files import MadeSpecimen, Scalar, read_record, top_file
 from endoct.workbench.settings import ranges_text
 
@@ -28,7 +28,7 @@ N_SPECIMENS = 8
 TITLES = ("B-scan, depth × A-scan", "OCT from above, slice × A-scan", "endoscope", "true depth, z × θ (cells outlined)")
 
 
-def write_manifest(root: Path, plan: Plan) -> None:
+def write_manifest(root: Path, plan: DatasetPlan) -> None:
     """Write a line for each specimen, ascending: what it is, its digest, and every number and word drawn for it.
 
     Raises :class:`EndoctError` where a record is missing.
@@ -46,7 +46,7 @@ def write_manifest(root: Path, plan: Plan) -> None:
         text.detach()
 
 
-def _specimens(root: Path, plan: Plan, split: Split) -> Iterator[tuple[MadeSpecimen, Unit]]:
+def _specimens(root: Path, plan: DatasetPlan, split: Split) -> Iterator[tuple[MadeSpecimen, Unit]]:
     """Yield the specimens of one split, ascending, as they stand in their records."""
     for unit in units(plan):
         if split_of(plan, unit.indices[0]) != split:
@@ -60,7 +60,7 @@ def _specimens(root: Path, plan: Plan, split: Split) -> Iterator[tuple[MadeSpeci
             yield specimen, unit
 
 
-def _line(plan: Plan, made: MadeSpecimen, unit: Unit) -> dict[str, Scalar]:
+def _line(plan: DatasetPlan, made: MadeSpecimen, unit: Unit) -> dict[str, Scalar]:
     this = job(plan, made.index)
     drawn = {name: str(value).lower() if isinstance(value, bool) else value for name, value in made.parameters.items()}
     return {
@@ -108,7 +108,7 @@ def text(name: str) -> str:
     return files(f"{__package__}.templates").joinpath(name).read_text("utf-8")
 
 
-def readme(plan: Plan) -> str:
+def readme(plan: DatasetPlan) -> str:
     """Return the README of the set."""
     layout = text("webdataset.md").format(per_shard=plan.specimens_per_shard)
     return text("README.md").format(

@@ -22,7 +22,7 @@ SHARD_BYTES = 2**27
 
 
 @dataclass(frozen=True)
-class Plan:
+class DatasetPlan:
     """The arguments of a data set.
 
     ``count`` specimens, of which each ``recordings_per_bore`` in a row are recordings of one bore; ``ranges``,
@@ -79,18 +79,18 @@ class Unit:
     indices: tuple[int, ...]
 
 
-def job(plan: Plan, index: int) -> Job:
+def job(plan: DatasetPlan, index: int) -> Job:
     """Return the specimen at ``index``, which depends neither on the others nor on how many there are."""
     bore = index // plan.recordings_per_bore
     return Job(index, bore, _key(plan.seed, index), _key(plan.seed, bore, 1))
 
 
-def split_of(plan: Plan, index: int) -> Split:
+def split_of(plan: DatasetPlan, index: int) -> Split:
     """Return the split of the specimen at ``index``: that of its bore, so that no two splits show one bore."""
     return SPLIT_OF_BORE[index // plan.recordings_per_bore % len(SPLIT_OF_BORE)]
 
 
-def split_counts(plan: Plan) -> dict[Split, int]:
+def split_counts(plan: DatasetPlan) -> dict[Split, int]:
     """Return how many specimens each split has."""
     counts = dict.fromkeys(SPLITS, 0)
     for index in range(plan.count):
@@ -98,7 +98,7 @@ def split_counts(plan: Plan) -> dict[Split, int]:
     return counts
 
 
-def units(plan: Plan) -> Iterator[Unit]:
+def units(plan: DatasetPlan) -> Iterator[Unit]:
     """Yield the units of the set, in the order of their specimens where possible.
 
     A shard holds specimens of one split; the last of each split may have fewer than the others.

@@ -23,7 +23,7 @@ from endoct.base.files.contents import Contents, differences, sync
 from endoct.base.files.files import inside, plain_name, read_small, sha256_of
 from endoct.base.files.json_values import read_object
 from endoct.base.files.scratch import REPLACED, exchange, keep_aside, new_file, put_new, scratch_next_to, uninterrupted
-from endoct.workbench.dataset.plan import Plan, Unit, job, units
+from endoct.workbench.dataset.plan import DatasetPlan, Unit, job, units
 
 DAMAGED = "damaged"
 WRITTEN = ".written.json"
@@ -189,7 +189,7 @@ def read_record(root: Path, unit: Unit) -> Record | None:
         return None
 
 
-def made_beyond(root: Path, plan: Plan) -> list[str]:
+def made_beyond(root: Path, plan: DatasetPlan) -> list[str]:
     """Return the names of specimens and shards in ``root`` that ``plan`` would not make, or not with all they hold."""
     wanted = {unit.name: unit for unit in units(plan)}
     beyond = [
@@ -231,7 +231,7 @@ def faults(root: Path, unit: Unit, record: Record) -> list[str]:
     return wrong
 
 
-def finished(root: Path, plan: Plan, unit: Unit) -> Record | None:
+def finished(root: Path, plan: DatasetPlan, unit: Unit) -> Record | None:
     """Return the record of ``unit`` where it is finished as ``plan`` wants it, else None."""
     record = sound_record(root, unit)
     if record is None:

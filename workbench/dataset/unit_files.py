@@ -21,7 +21,7 @@ from endoct.base.files.files import open_regular
 from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench.dataset.identity import check_identity, check_worker, remove_abandoned
 from endoct.workbench.dataset.loader import read_specimen
-from endoct.workbench.dataset.plan import Job, Plan, Unit, job
+from endoct.workbench.dataset.plan import DatasetPlan, Job, Unit, job
 from endoct.workbench.dataset.set_files import (
     MadeSpecimen,
     Record,
@@ -54,7 +54,7 @@ AS_THEY_ARE = {
 }
 """These files of a specimen are in a shard as they are, by the endings of their names there."""
 
-Make = Callable[[Path, Plan, Job], None]
+Make = Callable[[Path, DatasetPlan, Job], None]
 """Makes a specimen in a folder that does not exist yet."""
 
 
@@ -68,7 +68,7 @@ class Done:
     bytes: int
 
 
-def simulate_specimen(folder: Path, plan: Plan, job: Job) -> None:
+def simulate_specimen(folder: Path, plan: DatasetPlan, job: Job) -> None:
     """Simulate the specimen on one thread of this process."""
     from endoct.synthetic.specimen import simulate
 
@@ -84,7 +84,7 @@ def simulate_specimen(folder: Path, plan: Plan, job: Job) -> None:
         )
 
 
-def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen) -> Done:
+def make_unit(root: Path, plan: DatasetPlan, unit: Unit, make: Make = simulate_specimen) -> Done:
     """Make ``unit`` of the data set in ``root`` and write its record; leave what is finished already.
 
     A unit may come twice: the worker that had it may have died after finishing it and before saying so.
@@ -115,7 +115,9 @@ def make_unit(root: Path, plan: Plan, unit: Unit, make: Make = simulate_specimen
     return Done(len(unit.indices), n_made, seconds, record.bytes)
 
 
-def _make_specimen(folder: Path, plan: Plan, job: Job, make: Make) -> tuple[MadeSpecimen, dict[str, tuple[int, str]]]:
+def _make_specimen(
+    folder: Path, plan: DatasetPlan, job: Job, make: Make
+) -> tuple[MadeSpecimen, dict[str, tuple[int, str]]]:
     try:
         make(folder, plan, job)
     except EndoctError as error:
@@ -141,7 +143,7 @@ def _make_specimen(folder: Path, plan: Plan, job: Job, make: Make) -> tuple[Made
 
 
 def _make_shard(
-    scratch: Path, place: Path, old: Record | None, plan: Plan, unit: Unit, make: Make
+    scratch: Path, place: Path, old: Record | None, plan: DatasetPlan, unit: Unit, make: Make
 ) -> tuple[tuple[MadeSpecimen, ...], int]:
     """Write the tar of ``unit`` in ``scratch``; what an ``old``, shorter one at ``place`` holds is copied from it."""
     jobs = [job(plan, index) for index in unit.indices]
@@ -177,7 +179,7 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-def make_on(client: "Client", root: Path, plan: Plan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
+def make_on(client: "Client", root: Path, plan: DatasetPlan, wanted: Iterable[Unit], make: Make) -> Iterator[Done]:
     """Have the client's workers make the units, few at a time; yield them as they are done.
 
     A unit whose worker dies goes to another. Raises :class:`EndoctError` where a unit cannot be made, keeps
@@ -221,10 +223,10 @@ def make_on(client: "Client", root: Path, plan: Plan, wanted: Iterable[Unit], ma
             client.cancel(list(running))
 
 
-def _make_on_worker(root: Path, plan: Plan, unit: Unit, make: Make) -> Done:
+def _make_on_worker(root: Path, plan: DatasetPlan, unit: Unit, make: Make) -> Done:
     """Make ``unit``; put it only into the set that it was made for, which may be gone by then, or another."""
 
-    def make_and_look(folder: Path, of: Plan, job: Job) -> None:
+    def make_and_look(folder: Path, of: DatasetPlan, job: Job) -> None:
         make(folder, of, job)
         check_worker(root)
         check_identity(root, of)

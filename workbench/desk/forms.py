@@ -18,7 +18,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import exists, leads_below
 
 Command = Callable[..., Any]
-Kind = Literal["text", "number", "choice", "switch", "path", "paths", "lines"]
+FieldKind = Literal["text", "number", "choice", "switch", "path", "paths", "lines"]
 LONGEST = 4000
 """Most characters of a value."""
 MOST_LINES = 200
@@ -36,7 +36,7 @@ class FormField:
 
     name: str
     flag: str
-    kind: Kind
+    kind: FieldKind
     about: str
     required: bool
     choices: tuple[str, ...] = ()
@@ -137,7 +137,7 @@ def _members(hint: Any) -> tuple[Any, ...]:
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
-def _kind(hint: Any, choices: tuple[str, ...]) -> Kind:
+def _kind(hint: Any, choices: tuple[str, ...]) -> FieldKind:
     if choices:
         return "choice"
     if get_origin(hint) is tuple:

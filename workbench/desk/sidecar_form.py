@@ -37,7 +37,7 @@ from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.pipeline.sidecar_template import toml_value
 from endoct.workbench.running.outputs import SIDECAR
 
-Kind = Literal["number", "choice", "text", "toml"]
+KeyKind = Literal["number", "choice", "text", "toml"]
 LONGEST = 100_000
 """Characters of a value: positions of many frames."""
 NEIGHBOURS = 7
@@ -192,7 +192,7 @@ def digest_of(path: Path) -> str | None:
     return sha256_of(path) if exists(path) else None
 
 
-def _kind(field: FieldInfo) -> Kind:
+def _kind(field: FieldInfo) -> KeyKind:
     if _choices(field):
         return "choice"
     if table_model(field) is not None:

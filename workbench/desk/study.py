@@ -25,7 +25,7 @@ from endoct.workbench.pipeline.information import describe_recording
 from endoct.workbench.pipeline.unread import MOST_ASKED, Unread, accompanies
 from endoct.workbench.running.outputs import POSE, SPECIMEN
 
-Kind = Literal["recording", "volume", "plan", "pose"]
+FoundKind = Literal["recording", "volume", "plan", "pose"]
 MOST_INPUTS = 1000
 MOST_IN_FOLDER = 10_000
 """More files of a folder are looked at only where a sidecar says that they are a recording."""
@@ -44,7 +44,7 @@ class Input:
 
     name: str
     path: Path
-    kind: Kind
+    kind: FoundKind
     facts: dict[str, Any] = field(default_factory=dict)
     fault: str = ""
 

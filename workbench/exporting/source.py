@@ -24,7 +24,7 @@ from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.exporting.image_layers import Ids, ImageLayer, LabelLayer, even_rows, lies_evenly
 from endoct.workbench.kinds import is_comparison
 
-Kind = Literal["panorama", "comparison", "truth"]
+ExportableKind = Literal["panorama", "comparison", "truth"]
 TRUTH = "truth"
 MOST_IDS = np.iinfo(np.uint16).max
 
@@ -46,7 +46,7 @@ class Exportable:
 
     path: Path
     folder: Path
-    kind: Kind
+    kind: ExportableKind
     grid: SurfaceGrid
     sides: tuple[str, ...]
     layers: tuple[ImageLayer, ...]

@@ -27,7 +27,7 @@ from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.files.result_file import read_result
 from endoct.fusion.result import Result
 from endoct.stitching.store import read_doubts, read_provenance
-from endoct.workbench.kinds import KINDS, SAMPLE, Kind, places_in, reader
+from endoct.workbench.kinds import KINDS, SAMPLE, PathKind, places_in, reader
 from endoct.workbench.page.description import LayerPart
 from endoct.workbench.page.heading import RESEARCH
 from endoct.workbench.page.layers import CODES
@@ -77,7 +77,7 @@ class ListedOutput:
 
     path: Path
     name: str
-    row: Kind
+    row: PathKind
     what: str = ""
     level: Level | None = None
     headline: str = ""
@@ -139,7 +139,7 @@ def check_no_links(path: Path) -> None:
                 raise EndoctError(f"{Path(below) / name} is a link", expected="what endoct wrote, and nothing else")
 
 
-def _entry(folder: Path, path: Path, row: Kind) -> ListedOutput:
+def _entry(folder: Path, path: Path, row: PathKind) -> ListedOutput:
     name = path.relative_to(folder).as_posix()
     try:
         return ListedOutput(path, name, row, **reader(row.listed)(path))

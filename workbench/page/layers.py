@@ -254,9 +254,9 @@ def _images(
 ) -> Iterator[tuple[str, Plane]]:
     """Yield the images of the side ``k`` by their names in its store."""
     own = folder / "panoramas" / f"{outline.names[k]}.zarr"
-    # where rows of B were turned by themselves, or it bends, only the common grid shows where it was put
+    # where B bends, only the common grid shows where it was put
     is_bent = outline.alignment is not None and outline.alignment.bend is not None
-    is_rigid = k == 0 or (outline.result.twist is None and not is_bent)
+    is_rigid = k == 0 or not is_bent
     placing = placing_of(panorama.grid, outline.alignment if k else None) if is_rigid else placing_of(outline.grid)
     store, index = (own, ()) if is_rigid else (folder / COMPARISON_STORE, (k,))
     images = ["intensity"] * (panorama.modality != MASK_MODALITY) + _depths(panorama)

@@ -200,9 +200,7 @@ class Sessions:
 def session_of(origin: Origin, outline: ComparisonOutline, sides: tuple[PanoramaOutline, PanoramaOutline]) -> Sessions:
     """Return what the page knows of landmarks on the comparison at ``origin`` of two ``sides``."""
     result, refused = outline.result, ""
-    if result.twist is not None:
-        refused = "The rows of this comparison were turned (correct_twist), so that landmarks cannot be placed on them."
-    elif (whole := whole_of(origin.folder)) is not None:
+    if (whole := whole_of(origin.folder)) is not None:
         lists = f"This is a part of {whole.name}, which lists all that it holds."
         refused = f"{lists} To place landmarks, copy this folder."
     used = () if result.by_hand is None else result.by_hand.pairs

@@ -40,7 +40,7 @@ from endoct.workbench.report.figures.rendered import FIGURES, Figures, begin_bot
 from endoct.workbench.report.findings import both_sides, findings_of
 from endoct.workbench.running.outputs import json_text, versions
 from endoct.workbench.running.progress import Stages
-from endoct.workbench.running.scheduler import Scheduler, Task
+from endoct.workbench.running.scheduler import PendingCall, Scheduler
 from endoct.workbench.settings import parse
 from endoct.workbench.sides.recipes import with_recipe
 from endoct.workbench.sides.recordings import Unrolled
@@ -247,7 +247,7 @@ class ComparisonFolder:
     path: Path
     sides: tuple[Side, Side]
     scheduler: Scheduler
-    stored: list[Task[tuple[str, ...]]] = field(default_factory=list)
+    stored: list[PendingCall[tuple[str, ...]]] = field(default_factory=list)
     figures: list[Figures] = field(default_factory=list)
 
     def begin(self, pictured: Sequence[Pictured]) -> None:

@@ -18,7 +18,7 @@ from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED, Interval, in
 from endoct.workbench.running.outputs import json_text
 
 FIRST, SECOND = "first", "second"
-Row = dict[str, str | float | None]
+TableRow = dict[str, str | float | None]
 """A line of a table, by column."""
 Value = tuple[float | None, Interval]
 """A score and its interval, each None where it is not known."""
@@ -82,7 +82,7 @@ class Compared:
         )
 
 
-def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool) -> dict[str, list[Row]]:
+def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool) -> dict[str, list[TableRow]]:
     """Return the tables of a summary by name, each a list of rows.
 
     ``folders`` are comparisons of the first set, ``against`` those of the second. Each of the first is paired with one
@@ -108,7 +108,7 @@ def summarise(folders: Sequence[Path], against: Sequence[Path], *, repeats: bool
     }
 
 
-def write_summary(tables: Mapping[str, Sequence[Row]], folder: Path) -> None:
+def write_summary(tables: Mapping[str, Sequence[TableRow]], folder: Path) -> None:
     """Write every table that has rows as CSV into ``folder``, and all of them as ``summary.json``."""
     folder.mkdir()
     for name, rows in tables.items():
@@ -144,7 +144,7 @@ def _result_in(folder: Path) -> Result:
         raise EndoctError(f"{folder} is no comparison", found=error.found or error.what, expected=EXPECTED) from error
 
 
-def _rows(compared: Compared) -> Iterator[Row]:
+def _rows(compared: Compared) -> Iterator[TableRow]:
     values: dict[str, Value] = {"aligned": (float(compared.result.aligned), None)}
     values |= {name: score_of(compared.result, name) for name in SCORES}
     for name, (value, interval) in values.items():
@@ -160,7 +160,7 @@ def _rows(compared: Compared) -> Iterator[Row]:
         }
 
 
-def _by_specimen(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, list[float]]]:
+def _by_specimen(rows: Sequence[TableRow]) -> dict[tuple[str, str], dict[str, list[float]]]:
     """Return by (set, score) and specimen the values that are known."""
     values: dict[tuple[str, str], dict[str, list[float]]] = {}
     for row in rows:
@@ -170,7 +170,7 @@ def _by_specimen(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, list[fl
     return values
 
 
-def _summary(rows: Sequence[Row]) -> Iterator[Row]:
+def _summary(rows: Sequence[TableRow]) -> Iterator[TableRow]:
     for (set_, name), specimens in _by_specimen(rows).items():
         values = np.array([np.mean(of_one) for of_one in specimens.values()])
         if not values.size:
@@ -190,7 +190,7 @@ def _summary(rows: Sequence[Row]) -> Iterator[Row]:
         }
 
 
-def _paired(first: Sequence[Compared], second: Sequence[Compared]) -> Iterator[Row]:
+def _paired(first: Sequence[Compared], second: Sequence[Compared]) -> Iterator[TableRow]:
     pairs = list(_pairs(first, second))
     if not pairs:
         raise EndoctError(
@@ -226,7 +226,7 @@ def _pairs(first: Sequence[Compared], second: Sequence[Compared]) -> Iterator[tu
             yield comparison, partner
 
 
-def _repeatability(rows: Sequence[Row]) -> Iterator[Row]:
+def _repeatability(rows: Sequence[TableRow]) -> Iterator[TableRow]:
     for (set_, name), specimens in _by_specimen(rows).items():
         found = None if name == "aligned" else repeatability(list(specimens.values()))
         if found is not None:

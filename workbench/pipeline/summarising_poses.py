@@ -11,7 +11,7 @@ import numpy as np
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import path_text, read_small, spreadsheet_text
 from endoct.fusion.pose.paired import FEWEST_BORES, equivalence, limits_of_agreement
-from endoct.workbench.pipeline.summarising import Row, summarise
+from endoct.workbench.pipeline.summarising import TableRow, summarise
 
 NAME = "pose.json"
 MOST_BYTES = 16_000_000
@@ -36,7 +36,7 @@ def are_poses(folders: Sequence[Path]) -> bool:
     return bool(of_poses)
 
 
-def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: bool) -> dict[str, list[Row]]:
+def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: bool) -> dict[str, list[TableRow]]:
     """Return the tables of poses, or else of comparisons, as :func:`~endoct.workbench.pipeline.summarising.summarise`.
 
     Raises :class:`EndoctError` where folders hold neither, or something is asked of poses that they do not have.
@@ -48,7 +48,7 @@ def summarise_any(first: Sequence[Path], second: Sequence[Path], *, repeats: boo
     return summarise_poses(first)
 
 
-def summarise_poses(folders: Sequence[Path]) -> dict[str, list[Row]]:
+def summarise_poses(folders: Sequence[Path]) -> dict[str, list[TableRow]]:
     """Return the tables of a summary by name, each a list of rows.
 
     ``poses`` has a row a pose: whether it was told, or why not, and the codes of its doubts. Numbers follow, each with
@@ -112,7 +112,7 @@ def _estimate(name: str, estimate: dict[str, float]) -> Iterator[tuple[str, floa
     yield f"{name}_high", float(estimate["high"])
 
 
-def _agreement(poses: Sequence[dict[str, Any]]) -> Iterator[Row]:
+def _agreement(poses: Sequence[dict[str, Any]]) -> Iterator[TableRow]:
     by_sides: dict[tuple[str, str], list[dict[str, Any]]] = {}
     for pose in poses:
         if pose["told"] and pose["difference"] is not None:
@@ -125,7 +125,7 @@ def _agreement(poses: Sequence[dict[str, Any]]) -> Iterator[Row]:
             for number, direction in enumerate("xy"):
                 values = np.array([difference[place]["across_mm"][number] for difference in differences])
                 limits, test = asdict(limits_of_agreement(values)), equivalence(values, EQUIVALENT_MM)
-                row: Row = {"sides": f"{first} less {second}", "place": place, "direction": direction}
+                row: TableRow = {"sides": f"{first} less {second}", "place": place, "direction": direction}
                 for name, value in limits.items():
                     if isinstance(value, tuple):
                         low_high = zip(("low", "high"), value, strict=True)

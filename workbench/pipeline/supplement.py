@@ -16,7 +16,7 @@ from endoct.fusion.scoring.intervals import LEVEL, RESAMPLES, SEED
 from endoct.workbench.page.collection import LEVELS
 from endoct.workbench.page.heading import Heading, Score, printed_page
 from endoct.workbench.page.notes import read_note
-from endoct.workbench.pipeline.summarising import FIRST, SECOND, Compared, Row, read_set
+from endoct.workbench.pipeline.summarising import FIRST, SECOND, Compared, TableRow, read_set
 from endoct.workbench.report.figures.cohort import Cohort, draw_cohort
 from endoct.workbench.report.html_templates import rendered_blocks
 from endoct.workbench.report.sections import MADE, in_order, numbered
@@ -39,7 +39,7 @@ REPEATS = "score", "specimens", "comparisons", "within_sd", "repeatability", "ic
 REMARK = "The figures lie next to this page, as PNG and as SVG, in figures/."
 
 
-def write_supplement(tables: Mapping[str, Sequence[Row]], request: SummariseRequest, folder: Path) -> None:
+def write_supplement(tables: Mapping[str, Sequence[TableRow]], request: SummariseRequest, folder: Path) -> None:
     """Write ``figures/`` and ``report.html`` on the comparisons of a request, of which the first set is drawn.
 
     ``tables`` are those of their summary. Raises :class:`EndoctError` where a comparison cannot be read.
@@ -100,7 +100,7 @@ def _outline(folder: Path) -> ComparisonOutline | None:
     return read_outline(folder / COMPARISON_STORE) if (folder / COMPARISON_STORE).is_dir() else None
 
 
-def _heading(tables: Mapping[str, Sequence[Row]], compared: Sequence[Compared], title: str) -> Heading:
+def _heading(tables: Mapping[str, Sequence[TableRow]], compared: Sequence[Compared], title: str) -> Heading:
     levels = Counter(verdict_of(comparison.result).level for comparison in compared)
     said = ", ".join(f"{levels[level]} {word}" for level, word in LEVELS.items() if levels[level])
     worst = next(level for level in reversed(LEVELS) if levels[level])
@@ -135,17 +135,17 @@ def _result_row(comparison: Compared) -> list[str]:
     ]
 
 
-def _summary_row(row: Row) -> list[str]:
+def _summary_row(row: TableRow) -> list[str]:
     quartiles = f"{_number(row['quartile_1'])} to {_number(row['quartile_3'])}"
     return [*_row(row, "score", "set", "specimens", "value"), _interval(row), quartiles]
 
 
-def _row(row: Row, *columns: str) -> list[str]:
+def _row(row: TableRow, *columns: str) -> list[str]:
     """Return columns of a row as texts; of "" the interval."""
     return [_number(row[column]) if column else _interval(row) for column in columns]
 
 
-def _interval(row: Row) -> str:
+def _interval(row: TableRow) -> str:
     return NOTHING if row["low"] is None else f"{_number(row['low'])} to {_number(row['high'])}"
 
 

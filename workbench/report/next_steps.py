@@ -44,7 +44,6 @@ CELLS = (
 )  # fmt: skip
 UNDONE = {
     "forced": "force=false",
-    "twist-corrected": "correct_twist=false",
     "aligned-by-method": "alignment_method=endoct",
 }
 """Doubts of a setting of the comparison, and the setting without which they are not there."""

@@ -40,7 +40,7 @@ class Named:
 
 
 @dataclass(frozen=True, eq=False)
-class Task(Generic[Out]):
+class PendingCall(Generic[Out]):
     """A call that the second process makes while this one goes on; ``there`` is None where there is none."""
 
     here: Callable[[], Out]
@@ -92,13 +92,13 @@ class Scheduler:
         if self.process is not None:
             self.process.preload(*modules)
 
-    def begin(self, function: Callable[..., Out], *arguments: object) -> Task[Out]:
+    def begin(self, function: Callable[..., Out], *arguments: object) -> PendingCall[Out]:
         """Have ``function``, of a module, called with ``arguments``, of which some may be :class:`Sent` already."""
         here = partial(function, *(given.value if isinstance(given, Sent) else given for given in arguments))
         if self.process is None:
-            return Task(here, None)
+            return PendingCall(here, None)
         sent = (given.there if isinstance(given, Sent) else given for given in arguments)
-        return Task(here, self.process.call(function, *sent))
+        return PendingCall(here, self.process.call(function, *sent))
 
     def send(self, value: Value) -> Sent[Value]:
         """Send a value to the second process, for several tasks."""
@@ -109,18 +109,20 @@ class Scheduler:
         return Spread(self, values[0], tuple(self.send(value) for value in values[1:]))
 
     @contextmanager
-    def begun_in_stages(self, stages: Stages, function: Callable[..., Out], *arguments: object) -> Iterator[Task[Out]]:
+    def begun_in_stages(
+        self, stages: Stages, function: Callable[..., Out], *arguments: object
+    ) -> Iterator[PendingCall[Out]]:
         """Have ``function(*arguments, stages)`` called; its stages are displayed among ``stages``.
 
         One that is open when the context is left ends with it.
         """
         here = partial(function, *arguments, stages)
         if self.process is None:
-            yield Task(here, None)
+            yield PendingCall(here, None)
             return
         with ExitStack() as open_stages:
             received = _ReceivedStages(stages, open_stages)
-            yield Task(here, self.process.call(_call_in_stages, function, *arguments, on_message=received))
+            yield PendingCall(here, self.process.call(_call_in_stages, function, *arguments, on_message=received))
 
 
 ALONE = Scheduler()

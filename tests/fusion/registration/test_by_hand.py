@@ -230,12 +230,6 @@ def test_a_comparison_is_scored_where_the_pairs_put_it(pair_of: Callable[..., An
     assert by_hand.check.max_mm == pytest.approx(0.25 * RADIUS_MM, abs=0.05)
 
 
-def test_pairs_and_a_corrected_twist_do_not_go_together(pair: Any):
-    pairs = placed(pair.truth, (1.0, 1.0))
-    with pytest.raises(EndoctError, match="do not go together"):
-        compare_panoramas(pair.a, pair.b, CompareParameters(correct_twist=True), pairs=pairs)
-
-
 def test_pairs_that_leave_nothing_in_common_are_refused(pair: Any):
     with pytest.raises(EndoctError, match="share no wall"):
         compare_panoramas(pair.a, pair.b, pairs=[LandmarkPair(Place(0.0, 500.0), Place(0.0, 1.0))])

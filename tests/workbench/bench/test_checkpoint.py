@@ -13,7 +13,7 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.bench import checkpoint
 from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
 from endoct.workbench.bench.command import run_bench
-from endoct.workbench.bench.runner import Plan
+from endoct.workbench.bench.runner import BenchPlan
 from endoct.workbench.bench.task import AnyTask, Case, Range, Task, draw, load_task
 
 
@@ -99,7 +99,7 @@ def test_other_code_does_not_take_it_over(squaring: Squaring, tmp_path: Path, mo
 
 def test_others_methods_count_by_their_modules() -> None:
     task = replace(load_task("segmentation"), methods={})
-    plan = Plan("segmentation", ("endoct", "otsu"), (1,), 1, task.ranges)
+    plan = BenchPlan("segmentation", ("endoct", "otsu"), (1,), 1, task.ranges)
     assert json.dumps(plan_facts(plan))
     assert set(checkpoint.source_digests(plan)) == {"endoct"}
     assert checkpoint._files("csv") == [Path(csv.__file__)]
@@ -107,7 +107,7 @@ def test_others_methods_count_by_their_modules() -> None:
 
 
 def test_facts_can_be_written_as_json(doubling: AnyTask) -> None:
-    facts = plan_facts(Plan("doubling", ("right",), (3,), 1, DOUBLING.ranges))
+    facts = plan_facts(BenchPlan("doubling", ("right",), (3,), 1, DOUBLING.ranges))
     assert json.loads(json.dumps(facts)) == facts
     assert facts["conditions"] == {"size": [0.0, 1.0], "kind": ["plain", "odd"]}
     assert {"processor", "cores", "cores_usable", "system"} <= set(json.loads(json.dumps(machine())))

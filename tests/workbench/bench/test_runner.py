@@ -7,7 +7,7 @@ import pytest
 from bench_tasks import DOUBLING, doubling_case
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.bench.runner import Plan, Row, narrowed, parse_seeds, run, run_method
+from endoct.workbench.bench.runner import BenchPlan, MethodResult, narrowed, parse_seeds, run, run_method
 from endoct.workbench.bench.task import AnyTask, Range
 
 
@@ -30,7 +30,7 @@ def test_whatever_a_method_does_is_its_result(doubling: AnyTask) -> None:
 
 
 def test_methods_share_their_cases_and_cases_depend_on_nothing_else(doubling: AnyTask) -> None:
-    plan = Plan("doubling", ("right", "wrong"), (3, 4), 2, doubling.ranges)
+    plan = BenchPlan("doubling", ("right", "wrong"), (3, 4), 2, doubling.ranges)
     rows = run(plan, workers=1, advance=lambda _: None)
     assert [row.case for row in rows] == [name for name in ("3-0", "3-1", "4-0", "4-1") for _ in range(2)]
     other = run(replace(plan, methods=("wrong",), seeds=(4, 3), count=1), workers=1, advance=lambda _: None)
@@ -43,9 +43,9 @@ def test_methods_share_their_cases_and_cases_depend_on_nothing_else(doubling: An
 def test_processes_get_the_same_cases_and_scores() -> None:
     ranges: dict[str, Range] = {"recipe": ("made",), "modality": ("depth",), "missing": (0.1, 0.3)}
     ranges |= {"signal_db": (10.0, 20.0), "cell_mm": (0.5, 1.0), "fill": (0.2, 0.2), "unevenness": (0.5, 0.5)}
-    plan = Plan("segmentation", ("li-depth", "k-means"), (1, 2), 1, ranges)
+    plan = BenchPlan("segmentation", ("li-depth", "k-means"), (1, 2), 1, ranges)
     alone, together = (run(plan, workers=workers, advance=lambda _: None) for workers in (1, 2))
-    kept: dict[int, Sequence[Row]] = {}
+    kept: dict[int, Sequence[MethodResult]] = {}
     goes_on = run(plan, workers=2, advance=lambda _: None, finished={0: alone[:2]}, keep=kept.__setitem__)
     assert kept == {1: goes_on[2:]}
     timeless = [[replace(row, seconds=0.0, cpu_seconds=0.0) for row in rows] for rows in (alone, together, goes_on)]

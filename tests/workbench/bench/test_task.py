@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.bench.runner import Row, run_method
+from endoct.workbench.bench.runner import MethodResult, run_method
 from endoct.workbench.bench.task import AnyCase, AnyTask, Range, draw, load_method, load_task, method_names, task_names
 from endoct.workbench.bench.tasks import alignment
 
@@ -41,7 +41,7 @@ def _unsound(task: AnyTask, case: AnyCase) -> dict[str, str]:
     return {row.method: row.reason for row in rows if row.status == "failed" and not _lacks_an_extra(row)}
 
 
-def _lacks_an_extra(row: Row) -> bool:
+def _lacks_an_extra(row: MethodResult) -> bool:
     return "pip install" in row.reason and any(extra in row.reason for extra in EXTRAS)
 
 

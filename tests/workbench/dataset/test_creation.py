@@ -15,10 +15,10 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, scratch_next_to
 from endoct.workbench.dataset import overview
 from endoct.workbench.dataset.creation import forecast, make_dataset
-from endoct.workbench.dataset.plan import Job, Plan
+from endoct.workbench.dataset.plan import DatasetPlan, Job
 
-FOLDERS = Plan(5, seed=3)
-SHARDS = Plan(13, seed=3, format="webdataset", specimens_per_shard=3)
+FOLDERS = DatasetPlan(5, seed=3)
+SHARDS = DatasetPlan(13, seed=3, format="webdataset", specimens_per_shard=3)
 
 HOLD = """
 import sys
@@ -52,7 +52,7 @@ class Failing(Cheap):
     at: int
     error: BaseException
 
-    def __call__(self, folder: Path, plan: Plan, job: Job) -> None:
+    def __call__(self, folder: Path, plan: DatasetPlan, job: Job) -> None:
         super().__call__(folder, plan, job)
         if job.index == self.at:
             raise self.error
@@ -65,12 +65,12 @@ def failing(cheap: Cheap, at: int, error: BaseException) -> Failing:
     return made
 
 
-def make(root: Path, plan: Plan, maker: Cheap) -> int:
+def make(root: Path, plan: DatasetPlan, maker: Cheap) -> int:
     return make_dataset(root, plan, workers=1, make=maker).made
 
 
 @pytest.mark.parametrize("plan", [FOLDERS, SHARDS], ids=["folders", "shards"])
-def test_started_again_it_makes_nothing(plan: Plan, root: Path, cheap: Cheap) -> None:
+def test_started_again_it_makes_nothing(plan: DatasetPlan, root: Path, cheap: Cheap) -> None:
     assert make(root, plan, cheap) == plan.count
     before = contents(root)
     assert {"manifest.csv", "LICENSE", "README.md", "dataset.json", "contact_sheet.png"} <= before.keys()
@@ -83,7 +83,7 @@ def test_started_again_it_makes_nothing(plan: Plan, root: Path, cheap: Cheap) ->
 @pytest.mark.parametrize("plan", [FOLDERS, SHARDS], ids=["folders", "shards"])
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left on device")])
 def test_interrupted_or_out_of_room_it_can_go_on(
-    plan: Plan, error: BaseException, root: Path, cheap: Cheap, tmp_path: Path
+    plan: DatasetPlan, error: BaseException, root: Path, cheap: Cheap, tmp_path: Path
 ) -> None:
     at = plan.count - 2
     expected = "No space left" if isinstance(error, OSError) else None
@@ -164,12 +164,12 @@ def test_what_somebody_writes_at_the_top_of_a_set_is_kept(root: Path, cheap: Che
     (root / "README.md").write_text("what I found out")
     (root / "thesis.tex").write_text("years of work")
     (root / "manifest.csv").write_text("index,my own column\n")
-    make(root, Plan(**vars(FOLDERS) | {"count": 6}), cheap)
+    make(root, DatasetPlan(**vars(FOLDERS) | {"count": 6}), cheap)
     assert (root / "README.md.kept-1").read_text() == "what I found out"
     assert (root / "manifest.csv.kept-1").read_text() == "index,my own column\n"
     assert (root / "thesis.tex").read_text() == "years of work"
     assert len((root / "manifest.csv").read_text().splitlines()) == 7
-    make(root, Plan(**vars(FOLDERS) | {"count": 7}), cheap)
+    make(root, DatasetPlan(**vars(FOLDERS) | {"count": 7}), cheap)
     assert not (root / "README.md.kept-2").exists()
 
 
@@ -185,8 +185,10 @@ def test_a_damaged_record_leads_nowhere_else(record: str, root: Path, cheap: Che
 
 
 @pytest.mark.parametrize(("plan", "extra"), [(FOLDERS, 3), (SHARDS, 9)], ids=["folders", "shards"])
-def test_a_set_grows_and_keeps_what_it_has(plan: Plan, extra: int, root: Path, cheap: Cheap, tmp_path: Path) -> None:
-    more = Plan(**vars(plan) | {"count": plan.count + extra})
+def test_a_set_grows_and_keeps_what_it_has(
+    plan: DatasetPlan, extra: int, root: Path, cheap: Cheap, tmp_path: Path
+) -> None:
+    more = DatasetPlan(**vars(plan) | {"count": plan.count + extra})
     make(root, plan, cheap)
     cheap.log.unlink()
     assert make(root, more, cheap) == extra
@@ -212,7 +214,7 @@ def test_other_arguments_are_refused(other: dict[str, object], root: Path, cheap
     make(root, FOLDERS, cheap)
     before = contents(root)
     with pytest.raises(EndoctError, match="begun with another"):
-        make(root, Plan(**vars(FOLDERS) | {"specimens_per_shard": 0} | other), cheap)
+        make(root, DatasetPlan(**vars(FOLDERS) | {"specimens_per_shard": 0} | other), cheap)
     assert contents(root) == before
 
 
@@ -226,7 +228,7 @@ def test_another_simulator_is_refused(root: Path, cheap: Cheap) -> None:
 
 def test_hidden_files_depend_on_the_set_alone(root: Path, cheap: Cheap, tmp_path: Path) -> None:
     make(root, FOLDERS, cheap)
-    grown = Plan(**vars(FOLDERS) | {"count": FOLDERS.count + 1})
+    grown = DatasetPlan(**vars(FOLDERS) | {"count": FOLDERS.count + 1})
     make(root, grown, cheap)
     make(tmp_path / "at once", grown, cheap)
     for name in (".lock", ".written.json"):
@@ -340,9 +342,9 @@ def test_a_dry_run_reckons_and_writes_nothing(root: Path, cheap: Cheap) -> None:
 
 @pytest.mark.parametrize(("plan", "fewer"), [(FOLDERS, 3), (SHARDS, 10)], ids=["folders", "shards"])
 def test_an_interrupted_set_may_end_with_what_was_made(
-    plan: Plan, fewer: int, root: Path, cheap: Cheap, tmp_path: Path
+    plan: DatasetPlan, fewer: int, root: Path, cheap: Cheap, tmp_path: Path
 ) -> None:
-    less = Plan(**vars(plan) | {"count": fewer})
+    less = DatasetPlan(**vars(plan) | {"count": fewer})
     with pytest.raises(KeyboardInterrupt):
         make(root, plan, failing(cheap, 2, KeyboardInterrupt()))
     make(root, less, cheap)
@@ -353,10 +355,12 @@ def test_an_interrupted_set_may_end_with_what_was_made(
 @pytest.mark.parametrize(
     ("plan", "fewer", "made"), [(FOLDERS, 2, "000002"), (SHARDS, 2, "train-000000")], ids=["folders", "shards"]
 )
-def test_a_set_does_not_shrink_below_what_was_made(plan: Plan, fewer: int, made: str, root: Path, cheap: Cheap) -> None:
+def test_a_set_does_not_shrink_below_what_was_made(
+    plan: DatasetPlan, fewer: int, made: str, root: Path, cheap: Cheap
+) -> None:
     with pytest.raises(KeyboardInterrupt):
         make(root, plan, failing(cheap, 4, KeyboardInterrupt()))
     before = contents(root)
     with pytest.raises(EndoctError, match=f"holds more specimens already; found --count {fewer}, and .*{made}.* made"):
-        make(root, Plan(**vars(plan) | {"count": fewer}), cheap)
+        make(root, DatasetPlan(**vars(plan) | {"count": fewer}), cheap)
     assert contents(root) == before

@@ -21,7 +21,7 @@ from endoct.base.errors import EndoctError
 from endoct.workbench import cli, simulate
 from endoct.workbench.dataset import Specimens, overview
 from endoct.workbench.dataset.creation import make_dataset
-from endoct.workbench.dataset.plan import Plan, Split
+from endoct.workbench.dataset.plan import DatasetPlan, Split
 
 
 def endoct(*arguments: object) -> int:
@@ -44,7 +44,7 @@ def learning(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_contact_sheet_shows_the_middle_of_specimens_spread_over_the_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    make_dataset(tmp_path / "set", Plan(3, seed=2), workers=1, make=Cheap(tmp_path / "log"))
+    make_dataset(tmp_path / "set", DatasetPlan(3, seed=2), workers=1, make=Cheap(tmp_path / "log"))
     drawn: list[Figure] = []
     monkeypatch.setattr(overview, "N_SPECIMENS", 2)
     monkeypatch.setattr(Figure, "savefig", lambda figure, file, **_: [drawn.append(figure), file.write(b"a sheet")])
@@ -112,7 +112,7 @@ def shards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shards")
     make_dataset(
         folder / "set",
-        Plan(11, format="webdataset", specimens_per_shard=4),
+        DatasetPlan(11, format="webdataset", specimens_per_shard=4),
         workers=1,
         make=Cheap(folder / "log"),
     )

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.dataset.plan import SPLITS, Plan, Unit, job, split_counts, split_of, units
+from endoct.workbench.dataset.plan import SPLITS, DatasetPlan, Unit, job, split_counts, split_of, units
 from endoct.workbench.settings import parse_vary, ranges_text
 
 
-def plans(**fixed: object) -> st.SearchStrategy[Plan]:
+def plans(**fixed: object) -> st.SearchStrategy[DatasetPlan]:
     return st.builds(
-        Plan,
+        DatasetPlan,
         count=st.integers(1, 60),
         seed=st.integers(0, 2**63 - 1),
         format=st.sampled_from(["folders", "webdataset"]),
@@ -22,12 +22,12 @@ def plans(**fixed: object) -> st.SearchStrategy[Plan]:
     )
 
 
-def larger(plan: Plan, by: int) -> Plan:
-    return Plan(**vars(plan) | {"count": plan.count + by})
+def larger(plan: DatasetPlan, by: int) -> DatasetPlan:
+    return DatasetPlan(**vars(plan) | {"count": plan.count + by})
 
 
 @given(plans())
-def test_every_specimen_is_in_one_unit_of_one_split(plan: Plan) -> None:
+def test_every_specimen_is_in_one_unit_of_one_split(plan: DatasetPlan) -> None:
     all_units = list(units(plan))
     assert sorted(i for unit in all_units for i in unit.indices) == list(range(plan.count))
     assert len({unit.place for unit in all_units}) == len({unit.name for unit in all_units}) == len(all_units)
@@ -36,7 +36,7 @@ def test_every_specimen_is_in_one_unit_of_one_split(plan: Plan) -> None:
 
 
 @given(plans(), st.integers(1, 40))
-def test_a_larger_set_begins_as_the_smaller_one(plan: Plan, by: int) -> None:
+def test_a_larger_set_begins_as_the_smaller_one(plan: DatasetPlan, by: int) -> None:
     more = larger(plan, by)
     assert [job(plan, i) for i in range(plan.count)] == [job(more, i) for i in range(plan.count)]
     after = {unit.name: unit for unit in units(more)}
@@ -48,7 +48,7 @@ def test_a_larger_set_begins_as_the_smaller_one(plan: Plan, by: int) -> None:
 
 
 @given(plans())
-def test_a_bore_is_in_one_split_and_recordings_of_it_differ(plan: Plan) -> None:
+def test_a_bore_is_in_one_split_and_recordings_of_it_differ(plan: DatasetPlan) -> None:
     jobs = [job(plan, i) for i in range(plan.count)]
     assert len({j.seed for j in jobs}) == len(jobs)
     of_bore: dict[int, set[str]] = {}
@@ -60,7 +60,7 @@ def test_a_bore_is_in_one_split_and_recordings_of_it_differ(plan: Plan) -> None:
 
 
 def test_splits_are_eight_to_one_to_one() -> None:
-    plan = Plan(1000, recordings_per_bore=2)
+    plan = DatasetPlan(1000, recordings_per_bore=2)
     of = [split_of(plan, i) for i in range(plan.count)]
     assert [of.count(split) for split in SPLITS] == [*split_counts(plan).values()] == [800, 100, 100]
 
@@ -79,7 +79,7 @@ def test_splits_are_eight_to_one_to_one() -> None:
 )
 def test_arguments_that_cannot_be_are_refused(arguments: dict[str, Any], said: str) -> None:
     with pytest.raises(EndoctError, match=said):
-        Plan(**arguments)
+        DatasetPlan(**arguments)
 
 
 def test_vary_reads_ranges_numbers_and_words() -> None:

@@ -32,12 +32,12 @@ from distributed.security import Security
 from endoct.base.errors import EndoctError
 from endoct.workbench.dataset.creation import make_dataset
 from endoct.workbench.dataset.identity import check_worker, write_identity
-from endoct.workbench.dataset.plan import Job, Plan, units
+from endoct.workbench.dataset.plan import DatasetPlan, Job, units
 from endoct.workbench.dataset.set_files import add_member
 from endoct.workbench.dataset.unit_files import Done, _make_on_worker, copy_specimens, make_unit
 from endoct.workbench.running.cluster import existing_cluster, own_cluster
 
-PLAN = Plan(9, seed=5)
+PLAN = DatasetPlan(9, seed=5)
 
 
 @pytest.fixture(autouse=True)
@@ -85,8 +85,10 @@ def test_a_killed_worker_costs_nothing_but_what_it_was_at(tmp_path: Path, by_one
     assert not leftovers(tmp_path / "set")
 
 
-@pytest.mark.parametrize("plan", [Plan(2, seed=5), Plan(3, seed=5, format="webdataset", specimens_per_shard=3)])
-def test_a_unit_that_comes_twice_is_made_once(tmp_path: Path, plan: Plan) -> None:
+@pytest.mark.parametrize(
+    "plan", [DatasetPlan(2, seed=5), DatasetPlan(3, seed=5, format="webdataset", specimens_per_shard=3)]
+)
+def test_a_unit_that_comes_twice_is_made_once(tmp_path: Path, plan: DatasetPlan) -> None:
     cheap, root = Cheap(tmp_path / "log"), tmp_path / "set"
     root.mkdir()
     *_, unit = units(plan)
@@ -200,9 +202,9 @@ class Meanwhile(Cheap):
     """Does something to the set once a specimen is made."""
 
     root: Path = Path()
-    other: Plan | None = None
+    other: DatasetPlan | None = None
 
-    def __call__(self, folder: Path, plan: Plan, job: Job) -> None:
+    def __call__(self, folder: Path, plan: DatasetPlan, job: Job) -> None:
         super().__call__(folder, plan, job)
         shutil.rmtree(self.root)
         if self.other is not None:
@@ -211,8 +213,8 @@ class Meanwhile(Cheap):
         (folder / "truth").mkdir(parents=True)  # as a library goes on to write where it was
 
 
-@pytest.mark.parametrize("other", [None, Plan(9, seed=6)], ids=["removed", "replaced"])
-def test_a_worker_puts_nothing_into_a_set_that_is_gone_or_another(tmp_path: Path, other: Plan | None) -> None:
+@pytest.mark.parametrize("other", [None, DatasetPlan(9, seed=6)], ids=["removed", "replaced"])
+def test_a_worker_puts_nothing_into_a_set_that_is_gone_or_another(tmp_path: Path, other: DatasetPlan | None) -> None:
     root = tmp_path / "set"
     root.mkdir()
     write_identity(root, PLAN)

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from workbench_page import PAIR, Served, application, post, written
 
-from endoct.base.errors import EndoctError
 from endoct.base.files.contents import NAME as LIST_NAME
 from endoct.base.files.contents import seal
 from endoct.fusion.files.session import Session, read_session, session_from
@@ -168,16 +167,6 @@ def test_a_huge_body_is_refused(folder: Path):
                 assert post(served, path, b" " * 5_000_000)[0] == 413
         assert served.get("/description.json")[0] == 200
     assert not (folder / "session.json").exists()
-
-
-def test_a_comparison_with_turned_rows_takes_no_landmarks(tmp_path: Path):
-    from endoct.fusion.result import CorrectedTwist
-
-    shown = open_shown(written(tmp_path / "turned", twist=CorrectedTwist(note="turned")))
-    assert shown.session is not None
-    assert "correct_twist" in shown.session.state()["refused"]
-    with pytest.raises(EndoctError, match="correct_twist"):
-        shown.session.save(json.dumps({"pairs": [PAIR], "based_on": None}).encode())
 
 
 def test_the_frozen_page_can_make_the_same_file(folder: Path):

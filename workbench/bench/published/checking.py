@@ -26,7 +26,7 @@ from endoct.workbench.bench.published.submission import (
     scored_row,
 )
 from endoct.workbench.bench.published.submitted import Scored, Submission, check_credible
-from endoct.workbench.bench.runner import Plan, run_source
+from endoct.workbench.bench.runner import BenchPlan, run_source
 from endoct.workbench.bench.task import check_names, load_task
 from endoct.workbench.running.progress import Stages
 
@@ -146,7 +146,7 @@ def check(
     chosen = chosen[:sample]
     check_entries(data, chosen, stages)
     task = with_programs(load_task(submission.task), programs)
-    plan = Plan(submission.task, check_names(task, names), programs=programs, hidden=data.absolute())
+    plan = BenchPlan(submission.task, check_names(task, names), programs=programs, hidden=data.absolute())
     stated = {(row.specimen, row.case, row.method): row for row in submission.rows}
     reruns: list[Rerun] = []
     with stages.stage(f"{len(chosen)} of {len(entries)} specimens again") as advance:

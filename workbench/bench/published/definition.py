@@ -47,7 +47,7 @@ class ScoredTask(Stored):
     better: Literal["higher", "lower"]
 
 
-class Kind(Stored):
+class SpecimenKind(Stored):
     """A kind of specimen: who makes it and how, which tasks it is for, and how many a small set has.
 
     ``preset`` and ``vary`` are those of ``endoct simulate``; the second generator goes by the difficulty alone.
@@ -79,7 +79,7 @@ class Definition(Stored):
     simulator: str
     public_key: int
     tasks: dict[str, ScoredTask]
-    kinds: tuple[Kind, ...]
+    kinds: tuple[SpecimenKind, ...]
     splits: tuple[Split, ...] = ("train", "validation", "train", "train")
 
 
@@ -88,7 +88,7 @@ class Planned:
     """A specimen of a set: its folder's name, its kind, the seed that it is drawn from, and its split."""
 
     name: str
-    kind: Kind
+    kind: SpecimenKind
     seed: int
     split: Split
 

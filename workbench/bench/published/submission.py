@@ -23,7 +23,7 @@ from endoct.workbench.bench.published.specimen_set import Entry, SpecimenSet, ch
 from endoct.workbench.bench.published.submitted import FORMAT
 from endoct.workbench.bench.published.submitted import Scored as Scored  # part of what this module offers
 from endoct.workbench.bench.published.submitted import Submission as Submission
-from endoct.workbench.bench.runner import Plan, Row, run
+from endoct.workbench.bench.runner import BenchPlan, MethodResult, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
 from endoct.workbench.running.outputs import SUBMISSION, versions
 from endoct.workbench.running.progress import Stages
@@ -53,7 +53,7 @@ def submit(
     task = with_programs(load_task(task_name), programs)
     entries = entries_for(specimens, task_name, data)
     folders = tuple((data / entry.name).absolute() for entry in entries)
-    plan = Plan(
+    plan = BenchPlan(
         task_name, check_names(task, [*methods, *programs]), own=folders, programs=programs, hidden=data.absolute()
     )
     check_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission)
@@ -62,7 +62,7 @@ def submit(
     start = time.perf_counter()
     rows = checkpoint.read()
 
-    def keep(place: int, new: Sequence[Row]) -> None:
+    def keep(place: int, new: Sequence[MethodResult]) -> None:
         checkpoint.save(place, new)
         rows[place] = list(new)
 
@@ -108,8 +108,8 @@ def _submission(
     specimens: SpecimenSet,
     task: AnyTask,
     entries: tuple[Entry, ...],
-    plan: Plan,
-    rows: dict[int, list[Row]],
+    plan: BenchPlan,
+    rows: dict[int, list[MethodResult]],
     workers: int,
     seconds: float,
 ) -> Submission:
@@ -136,7 +136,7 @@ def _submission(
     )
 
 
-def scored_row(specimen: str, row: Row) -> Scored:
+def scored_row(specimen: str, row: MethodResult) -> Scored:
     """Return a row of a run as a submission states it."""
     facts = asdict(row)
     del facts["conditions"]

@@ -20,7 +20,7 @@ MOST_METHODS = 100
 
 
 class Scored(Stored):
-    """What came of one method on one case of a specimen; see :class:`endoct.workbench.bench.runner.Row`."""
+    """What came of one method on one case of a specimen; see :class:`endoct.workbench.bench.runner.MethodResult`."""
 
     specimen: str
     case: str

@@ -30,7 +30,7 @@ from endoct.workbench.bench.results.score_summary import (
     share,
     spread,
 )
-from endoct.workbench.bench.runner import Row
+from endoct.workbench.bench.runner import MethodResult
 from endoct.workbench.bench.task import DOUBTED, DOWN, OF_ONE, SUCCESS, UP, AnyTask
 from endoct.workbench.report.figures.drawing import (
     BLUE,
@@ -75,7 +75,7 @@ STYLES = [
 ]
 
 
-def draw_plots(rows: Sequence[Row], task: AnyTask, folder: Path) -> list[Path]:
+def draw_plots(rows: Sequence[MethodResult], task: AnyTask, folder: Path) -> list[Path]:
     """Write ``overview.png`` and a figure for each condition that varies into ``folder``, which is made.
 
     More methods than there are styles of lines could not be told apart: then ``overview.png`` alone.

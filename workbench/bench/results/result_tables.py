@@ -24,7 +24,7 @@ from endoct.workbench.bench.results.score_summary import (
     score_names,
     summarise,
 )
-from endoct.workbench.bench.runner import Plan, Row
+from endoct.workbench.bench.runner import BenchPlan, MethodResult
 from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask, load_task
 from endoct.workbench.running.outputs import json_text
 
@@ -35,7 +35,7 @@ MOST_DIFFERENCES = 3
 MOST_REASONS = 3
 
 
-def table(rows: Sequence[Row], task: AnyTask) -> Table:
+def table(rows: Sequence[MethodResult], task: AnyTask) -> Table:
     """Return the table for the console, a line a method, or a line a word and method that answered anything."""
     summaries = summarise(rows, [*task.scores], task.by)
     if task.by is not None:
@@ -59,7 +59,7 @@ def table(rows: Sequence[Row], task: AnyTask) -> Table:
     return lines
 
 
-def footnotes(rows: Sequence[Row], task: AnyTask) -> list[str]:
+def footnotes(rows: Sequence[MethodResult], task: AnyTask) -> list[str]:
     """Return what there is to know when reading the table: what the scores are, and why methods failed."""
     summaries = summarise(rows, [*task.scores], task.by)
     lines = ["median (quartiles) over the cases that have the score; success over all cases; s: median seconds a case"]
@@ -100,7 +100,7 @@ def _spread(spread: Spread | None, sign: str = "") -> str:
     return f"{spread.median:{sign}.3g} ({spread.low:{sign}.3g}{dash}{spread.high:{sign}.3g})"
 
 
-def write_csv(rows: Sequence[Row], task: AnyTask, path: Path) -> None:
+def write_csv(rows: Sequence[MethodResult], task: AnyTask, path: Path) -> None:
     """Write a line for each row: what was run, its status, its conditions and its scores; empty where there is none."""
     frame = frame_of(rows)
     frame["task"] = task.name
@@ -143,7 +143,7 @@ def _cell(value: object, digits: int = 9) -> str:
     return "" if value is None else str(value)
 
 
-def bench_facts(plan: Plan, rows: Sequence[Row], *, workers: int, seconds: float) -> Facts:
+def bench_facts(plan: BenchPlan, rows: Sequence[MethodResult], *, workers: int, seconds: float) -> Facts:
     """Return what ``bench.json`` holds: what was run, on what, with what, and the summary."""
     task = load_task(plan.task)
     return plan_facts(plan) | {

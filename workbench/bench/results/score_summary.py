@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from endoct.workbench.bench.runner import Row
+from endoct.workbench.bench.runner import MethodResult
 from endoct.workbench.bench.task import DOUBTED, SUCCESS
 
 CONDITION, SCORE = "condition.", "score."
@@ -19,7 +19,7 @@ TIMES = ["seconds", "cpu_seconds"]
 COLUMNS = ["case", "method", "status", "reason", *TIMES]
 
 
-def frame_of(rows: Sequence[Row]) -> pd.DataFrame:
+def frame_of(rows: Sequence[MethodResult]) -> pd.DataFrame:
     """Return a line a row: :data:`COLUMNS`, ``condition.NAME`` and ``score.NAME``, None or NaN where there is none.
 
     Names and words stay Python objects: they may come from anybody's method or folder, and be no valid Unicode.
@@ -46,13 +46,13 @@ def columns_of(frame: pd.DataFrame, beginning: str) -> list[str]:
     return [name for name in map(str, frame.columns) if name.startswith(beginning)]
 
 
-def score_names(rows: Sequence[Row], listed: Sequence[str]) -> list[str]:
+def score_names(rows: Sequence[MethodResult], listed: Sequence[str]) -> list[str]:
     """Return the names of the scores that rows have, ``listed`` first, ``success`` and ``doubted`` left out."""
     present = dict.fromkeys(name for row in rows for name in row.scores if name not in (SUCCESS, DOUBTED))
     return [name for name in listed if name in present] + [name for name in present if name not in listed]
 
 
-def _line(row: Row) -> dict[str, float | str]:
+def _line(row: MethodResult) -> dict[str, float | str]:
     return {
         **{name: getattr(row, name) for name in COLUMNS},
         **{f"{CONDITION}{name}": value for name, value in row.conditions.items()},
@@ -116,7 +116,7 @@ def share(k: int, n: int) -> Share:
     return Share(k, n, float(interval.low), float(interval.high))
 
 
-def summarise(rows: Sequence[Row], listed: Sequence[str] = (), by: str | None = None) -> list[Summary]:
+def summarise(rows: Sequence[MethodResult], listed: Sequence[str] = (), by: str | None = None) -> list[Summary]:
     """Return a summary for every method of ``rows``, in the order in which they were run.
 
     With ``by``, for every word of that condition and method, words in the order of the alphabet.
@@ -129,7 +129,7 @@ def summarise(rows: Sequence[Row], listed: Sequence[str] = (), by: str | None = 
     ]
 
 
-def by_word(rows: Sequence[Row], by: str | None) -> list[tuple[str | None, list[Row]]]:
+def by_word(rows: Sequence[MethodResult], by: str | None) -> list[tuple[str | None, list[MethodResult]]]:
     """Return the rows of every word of the condition ``by``; without one, all rows and None."""
     if by is None:
         return [(None, list(rows))]
@@ -175,7 +175,7 @@ class Difference:
     higher: int
 
 
-def differences(rows: Sequence[Row], reference: str, scores: Sequence[str]) -> list[Difference]:
+def differences(rows: Sequence[MethodResult], reference: str, scores: Sequence[str]) -> list[Difference]:
     """Return every method's differences from ``reference``, those of the first score first.
 
     So a method that has no first score, since it was never aligned, changes nothing in the order of the scores.

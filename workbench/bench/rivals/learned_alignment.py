@@ -1,12 +1,11 @@
-"""How one would align two panoramas with learned matchers: kornia's DISK (Tyszkiewicz 2020) and LoFTR (Sun 2021).
+"""How one would align two panoramas with a learned matcher: kornia's LoFTR (Sun 2021).
 
-Their weights come from a file that the user names in an environment variable; nothing is fetched. As the rivals by
-features of OpenCV do, they see A continued around by half a turn at either end. Either polarity of B is tried, and
+Its weights come from a file that the user names in an environment variable; nothing is fetched. As the rivals by
+features of OpenCV do, it sees A continued around by half a turn at either end. Either polarity of B is tried, and
 RANSAC fits a similarity to the matches.
 """
 
 import os
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,51 +17,20 @@ from endoct.base.errors import EndoctError
 from endoct.base.files.files import open_regular
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.rivals.alignment import FEWEST_MATCHES, NO_MATCHES, Matched, best_of, by_matches
+from endoct.workbench.bench.rivals.alignment import Matched, best_of, by_matches
 from endoct.workbench.bench.task import NotInstalled
 
-DISK_WEIGHTS, LOFTR_WEIGHTS = "ENDOCT_DISK_WEIGHTS", "ENDOCT_LOFTR_WEIGHTS"
-DISK_PX, LOFTR_PX = 2, 4
-"""Pixels in samples of A: neither was trained on images as large as the panoramas."""
-FEATURES, RATIO = 4096, 0.95
-
-
-def disk(a: Panorama, b: Panorama) -> Alignment | NotAligned:
-    """DISK's features, matched both ways by kornia with Lowe's ratio."""
-    weights = _weights(DISK_WEIGHTS, "the file of DISK's weights", "extractor")
-    import torch
-    from kornia.feature import DISK, match_smnn
-
-    model = _loaded(DISK(), weights, DISK_WEIGHTS)
-
-    def described(image: Image) -> Any:
-        given = torch.from_numpy(image)[None, None].repeat(1, 3, 1, 1)
-        with torch.inference_mode():
-            return model(given, FEATURES, pad_if_not_divisible=True)[0]
-
-    def matcher(image_a: Image) -> Callable[[Image], Matched]:
-        of_a = described(image_a)
-
-        def match(image_b: Image) -> Matched:
-            of_b = described(image_b)
-            if min(len(of_a.keypoints), len(of_b.keypoints)) < FEWEST_MATCHES:
-                return NO_MATCHES
-            with torch.inference_mode():
-                _, pairs = match_smnn(of_b.descriptors, of_a.descriptors, RATIO)
-            return _points(of_b.keypoints[pairs[:, 0]]), _points(of_a.keypoints[pairs[:, 1]])
-
-        return match
-
-    return best_of(a, b, by_matches(matcher), DISK_PX)
+LOFTR_WEIGHTS, LOFTR_PX = "ENDOCT_LOFTR_WEIGHTS", 4
+"""Pixels in samples of A: it was not trained on images as large as the panoramas."""
 
 
 def loftr(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """LoFTR's matches, without a detector."""
-    weights = _weights(LOFTR_WEIGHTS, "the file of LoFTR's weights", "state_dict")
+    weights = _weights()
     import torch
     from kornia.feature import LoFTR
 
-    model = _loaded(LoFTR(pretrained=None), weights, LOFTR_WEIGHTS)
+    model = _loaded(LoFTR(pretrained=None), weights)
 
     def whole(image: Image) -> Any:  # multiples of eight, as LoFTR wants it
         rows, columns = (size // 8 * 8 for size in image.shape)
@@ -76,14 +44,14 @@ def loftr(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     return best_of(a, b, by_matches(lambda image_a: partial(match, image_a=image_a)), LOFTR_PX)
 
 
-def _weights(variable: str, of: str, part: str) -> Any:
-    """Return the weights in the file that an environment variable names, which may lie in a ``part`` of it.
+def _weights() -> Any:
+    """Return the weights in the file that the environment variable names.
 
     Raises :class:`NotInstalled` where none is named, :class:`EndoctError` where it cannot be read.
     """
-    path = os.environ.get(variable)
+    path = os.environ.get(LOFTR_WEIGHTS)
     if not path:
-        raise NotInstalled(of, f"set {variable} to its path")
+        raise NotInstalled("the file of LoFTR's weights", f"set {LOFTR_WEIGHTS} to its path")
     import torch
 
     try:
@@ -94,12 +62,12 @@ def _weights(variable: str, of: str, part: str) -> Any:
             "the weights of a matcher cannot be read",
             found=f"{path}: {' '.join(str(error).split())[:100]}",
             expected="a file of torch.save that holds tensors only",
-            remedy=f"set {variable} to such a file",
+            remedy=f"set {LOFTR_WEIGHTS} to such a file",
         ) from error
-    return weights.get(part, weights)
+    return weights.get("state_dict", weights)
 
 
-def _loaded(model: Any, weights: Any, variable: str) -> Any:
+def _loaded(model: Any, weights: Any) -> Any:
     try:
         model.load_state_dict(weights)
     except (RuntimeError, TypeError, AttributeError) as error:
@@ -107,7 +75,7 @@ def _loaded(model: Any, weights: Any, variable: str) -> Any:
             "these are weights of another network",
             found=" ".join(str(error).split())[:100],
             expected=f"those of {type(model).__name__}",
-            remedy=f"set {variable} to their file",
+            remedy=f"set {LOFTR_WEIGHTS} to their file",
         ) from error
     return model.eval()
 

@@ -2,11 +2,11 @@
 
 All get what ours is given, prepared as ours does it: air around the plan from the CT, and what a side shows of air.
 Some hundred thousand places around the plan are ranked, at any turn, by what the method minimises. It begins at the
-best of these, and its best result is taken. Those called "…_from_our_search" begin at the best candidate of endoct's
-own search instead. None of them can put two sides together, so of two they take the one with depth.
+best of these, and its best result is taken. None of them can put two sides together, so of two they take the one with
+depth.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,6 @@ from endoct.workbench.bench.rivals.pose_starts import (
     Matching,
     located,
     observed,
-    our_start,
     ranked_starts,
     transform_of,
 )
@@ -41,13 +40,13 @@ Library = Callable[[AirAround], Callable[[Observation, Panorama], Matching]]
 """The air in a CT to how a side is matched with it."""
 
 
-def _method(library: Library, *, ours: bool = False) -> Callable[[tuple[Panorama, ...], CtVolume, Trajectory], Located]:
-    """Return the method that matches a side with ``library``, from the best candidate of ``ours`` or its own starts."""
+def _method(library: Library) -> Callable[[tuple[Panorama, ...], CtVolume, Trajectory], Located]:
+    """Return the method that matches a side with ``library``."""
 
     def method(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
         air, number = air_around(ct, plan), judged_side(sides)
         side = observed(sides[number])
-        best = _best(side, air, library(air)(side, sides[number]), ours=ours)
+        best = _best(side, air, library(air)(side, sides[number]))
         place = located(side, best.sense, sides[number], best.transform, plan, best.scale)
         return Located(tuple(place if at == number else None for at in range(len(sides))))
 
@@ -64,12 +63,12 @@ class _Result:
     scale: float
 
 
-def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) -> _Result:
+def _best(side: Observation, air: AirAround, matching: Matching) -> _Result:
     def refined(sense: Sense, transform: Coordinates, scale: float) -> _Result:
         score, better = matching.refine(sense, transform, scale)
         return _Result(score if np.isfinite(better).all() else -np.inf, sense, better, scale)
 
-    starts = _starts(side, air, matching, ours=ours)
+    starts = [(sense, ranked_starts(side, air, *matching.samples(sense), STARTS)) for sense in senses_of(side)]
     results = [refined(sense, transform_of(one, air.length_mm), 1.0) for sense, some in starts for one in some]
     best = max(results, key=lambda result: result.score)
     best = max([best, *(refined(best.sense, best.transform, scale) for scale in SCALES)], key=lambda one: one.score)
@@ -78,19 +77,7 @@ def _best(side: Observation, air: AirAround, matching: Matching, *, ours: bool) 
     return best
 
 
-def _starts(
-    side: Observation, air: AirAround, matching: Matching, *, ours: bool
-) -> Sequence[tuple[Sense, Coordinates]]:
-    """Return by sense where to begin; of endoct's own search only its best candidate in all senses."""
-    senses = senses_of(side)
-    if ours:
-        sense, _, start = max(((sense, *our_start(side, air, sense)) for sense in senses), key=lambda one: one[1])
-        return [(sense, start)]
-    return [(sense, ranked_starts(side, air, *matching.samples(sense), STARTS)) for sense in senses]
-
-
 # points of the wall, by small_gicp's point-to-plane ICP, and by Open3D's with Tukey's kernel
-small_gicp, small_gicp_from_our_search = _method(small_gicp_matching), _method(small_gicp_matching, ours=True)
-open3d, open3d_from_our_search = _method(open3d_matching), _method(open3d_matching, ours=True)
+small_gicp, open3d = _method(small_gicp_matching), _method(open3d_matching)
 # the air on and behind the wall, by SimpleITK: a masked volume, by mutual information
-simpleitk, simpleitk_from_our_search = _method(simpleitk_matching), _method(simpleitk_matching, ours=True)
+simpleitk = _method(simpleitk_matching)

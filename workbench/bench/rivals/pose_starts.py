@@ -17,7 +17,6 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation, observe
-from endoct.fusion.pose.search import axes_around, candidates_along, pattern_of
 from endoct.fusion.pose.wall import Sense
 from endoct.modalities.ct.trajectory import Trajectory
 from endoct.stitching.panorama import Panorama
@@ -89,12 +88,6 @@ def ranked_starts(
             scores.append(_scores(samples, score_of(every), tilt, turn, depths, air, kept))
     order = np.argsort(-np.concatenate(scores), kind="stable")
     return _apart(iter(np.concatenate(starts)[order]), most)
-
-
-def our_start(side: Observation, air: AirAround, sense: Sense) -> tuple[float, Coordinates]:
-    """Return how well the best candidate of endoct's own search in one sense scores, and that start (1, 6)."""
-    best = candidates_along(air, side, [pattern_of(side, sense)], axes_around(air.length_mm))[0][0]
-    return best.score, np.array([[*best.axis, best.depth_mm, best.turn_rad]])
 
 
 def located(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.report.side_findings import BothSides, SideFindings, alone
-from endoct.workbench.running.scheduler import Named, Scheduler, Task
+from endoct.workbench.running.scheduler import Named, PendingCall, Scheduler
 
 if TYPE_CHECKING:
     from endoct.workbench.report.findings import Findings
@@ -65,7 +65,7 @@ def write_figures(drawn: Iterable[Drawn], folder: Path) -> None:
         (folder / one.rendered.file).write_bytes(one.rendered.png)
 
 
-Figures = Task[list[Drawn]]
+Figures = PendingCall[list[Drawn]]
 Drawing = Callable[[], Drawn | None]
 OfBoth = Callable[[BothSides], Drawn | None]
 """A function of a module, which another process can be asked to call."""

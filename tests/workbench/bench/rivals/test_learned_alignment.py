@@ -1,12 +1,11 @@
 """Panoramas aligned by learned matchers, whose weights the user names."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from kornia.feature import DISK
+from kornia.feature import LoFTR
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.rivals import learned_alignment as learned
@@ -14,41 +13,30 @@ from endoct.workbench.bench.rivals.alignment import Flat
 from endoct.workbench.bench.task import NotInstalled
 from endoct.workbench.bench.tasks.alignment import AlignmentCase
 
-METHODS = [(learned.disk, learned.DISK_WEIGHTS), (learned.loftr, learned.LOFTR_WEIGHTS)]
+
+def test_without_weights_a_matcher_is_left_out(easy: AlignmentCase, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(learned.LOFTR_WEIGHTS, raising=False)
+    with pytest.raises(NotInstalled, match=f"weights is not installed; set {learned.LOFTR_WEIGHTS}"):
+        learned.loftr(*easy.given)
 
 
-@pytest.mark.parametrize(("method", "variable"), METHODS)
-def test_without_weights_a_matcher_is_left_out(
-    easy: AlignmentCase, monkeypatch: pytest.MonkeyPatch, method: Callable[..., object], variable: str
-) -> None:
-    monkeypatch.delenv(variable, raising=False)
-    with pytest.raises(NotInstalled, match=f"weights is not installed; set {variable}"):
-        method(*easy.given)
-
-
-@pytest.mark.parametrize(("method", "variable"), METHODS)
 def test_a_file_that_holds_no_weights_is_told(
-    easy: AlignmentCase,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    method: Callable[..., object],
-    variable: str,
+    easy: AlignmentCase, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "weights.pth").write_bytes(b"none")
-    monkeypatch.setenv(variable, str(tmp_path / "weights.pth"))
+    monkeypatch.setenv(learned.LOFTR_WEIGHTS, str(tmp_path / "weights.pth"))
     with pytest.raises(EndoctError, match="cannot be read"):
-        method(*easy.given)
-    torch.save({"extractor": {"layer": torch.zeros(1)}, "state_dict": {}}, tmp_path / "weights.pth")
+        learned.loftr(*easy.given)
+    torch.save({"state_dict": {"layer": torch.zeros(1)}}, tmp_path / "weights.pth")
     with pytest.raises(EndoctError, match="weights of another network"):
-        method(*easy.given)
+        learned.loftr(*easy.given)
 
 
 def test_weights_are_loaded_from_the_file_that_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     torch.manual_seed(0)
-    torch.save({"extractor": DISK().state_dict()}, tmp_path / "weights.pth")
-    monkeypatch.setenv(learned.DISK_WEIGHTS, str(tmp_path / "weights.pth"))
-    weights = learned._weights(learned.DISK_WEIGHTS, "the file of DISK's weights", "extractor")
-    assert learned._loaded(DISK(), weights, learned.DISK_WEIGHTS).training is False
+    torch.save({"state_dict": LoFTR(pretrained=None).state_dict()}, tmp_path / "weights.pth")
+    monkeypatch.setenv(learned.LOFTR_WEIGHTS, str(tmp_path / "weights.pth"))
+    assert learned._loaded(LoFTR(pretrained=None), learned._weights()).training is False
 
 
 def test_matches_become_the_similarity_that_most_agree_on() -> None:

@@ -39,8 +39,6 @@ def test_a_rival_finds_a_small_bore(case: bores.PoseCase, library: str) -> None:
     scores = judge(case, method(*case.given))
     assert scores["target_mm"] < 0.5
     assert scores["roll_deg"] < 5
-    refined = getattr(rivals, f"{library.lower()}_from_our_search")
-    assert judge(case, refined(*case.given))["target_mm"] < 0.5
 
 
 @pytest.mark.parametrize("library", ["small_gicp", "open3d"])
