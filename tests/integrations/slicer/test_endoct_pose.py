@@ -91,7 +91,9 @@ def slicer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     """Slicer as far as the module asks for it; ``loaded`` is what it was asked to load."""
     application = MagicMock()
     application.qMRMLNodeComboBox = MagicMock
-    application.app.userSettings().value = lambda name, default: default
+    application.kept = {}
+    application.app.userSettings().value = application.kept.get
+    application.app.userSettings().setValue = application.kept.__setitem__
     application.loaded = []
     util = application.util
     util.tempDirectory = lambda: str(tmp_path)
@@ -239,6 +241,15 @@ def test_a_run_is_cancelled_and_left_behind_by_nobody(widget: Any, slicer: Any) 
     widget.cleanup()
     assert widget.process.calls[-1] == "terminate"
     assert not widget.process.finished.slots
+
+
+def test_the_program_is_chosen_once(module: Any, widget: Any) -> None:
+    widget.program.currentPath = "/opt/endoct/bin/endoct"
+    widget.onRun()
+    assert widget.process.command[0] == "/opt/endoct/bin/endoct"
+    another = module.EndoctPoseWidget()
+    another.setup()
+    assert another.program.currentPath == "/opt/endoct/bin/endoct"
 
 
 def test_a_program_that_is_not_there_is_named(widget: Any) -> None:

@@ -70,8 +70,7 @@ def test_an_image_has_the_values_to_half_a_step_and_says_where_nothing_was_seen(
     assert (stored[~unseen].min(), stored.max()) == (1, 65535)
     read = stored * float(image.RescaleSlope) + float(image.RescaleIntercept)
     assert abs(read - wanted)[~unseen].max() <= 0.501 * (np.nanmax(wanted) - np.nanmin(wanted)) / 65534
-    shown = float(image.WindowCenter) + float(image.WindowWidth) / 2 * np.array([-1, 1])
-    np.testing.assert_allclose(shown, np.percentile(wanted[~unseen], (0.5, 99.5)), atol=0.5)
+    assert image.PixelSpacingCalibrationDescription == "arc on a wall of radius 1.25 mm, and z"
 
 
 def test_a_relief_is_a_map_of_depth_in_mm(hd, folder: Path) -> None:
@@ -91,6 +90,15 @@ def test_a_relief_is_a_map_of_depth_in_mm(hd, folder: Path) -> None:
     assert mapping.QuantityDefinitionSequence[0].ConceptCodeSequence[0].CodeMeaning == "Depth"
     measures = relief.SharedFunctionalGroupsSequence[0].PixelMeasuresSequence[0]
     np.testing.assert_allclose(measures.PixelSpacing, (0.05, 2 * np.pi * 1.25 / 360))
+
+
+def test_a_reader_displays_what_is_displayed_well(hd, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("endoct.workbench.exporting.dicom_files.contrast_of", lambda layer: (-0.25, 0.75))
+    export(write_marked(tmp_path / "wall.zarr", PLACE), tmp_path / "wall.dicom")
+    image, relief = (pydicom.dcmread(tmp_path / "wall.dicom" / f"oct-{name}.dcm") for name in ("image", "relief"))
+    (of_relief,) = relief.SharedFunctionalGroupsSequence[0].FrameVOILUTSequence
+    for window in (image, of_relief):
+        assert (window.WindowCenter, window.WindowWidth) == (0.25, 1.0)
 
 
 @pytest.mark.parametrize(("side", "turned_rad"), [("endoscope", 0.5), ("oct", 0.0)])
