@@ -82,7 +82,7 @@ FORMATS = {
             (".dicom",),
             (),
             "dicom_files:write_dicom",
-            "images, relief and cells, for 3D Slicer, archives",
+            "images, relief and cells, for archives and other readers of DICOM",
             is_folder=True,
         ),
         Format(

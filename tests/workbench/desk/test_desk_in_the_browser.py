@@ -151,6 +151,27 @@ def test_the_queue_is_in_the_order_in_which_it_runs_and_cuts_no_name(
         assert page.locator(".queue h2 button").inner_text() == "clear what has ended"
 
 
+def test_a_menu_has_no_word_twice(chromium: Any, served: Served, desk: Desk, study: Path):
+    address = f"{desk.open(study).address}recording?name=bore-1/oct"
+    with page_of(chromium, served, address, "#key-travel") as watched:
+        page = watched.page
+        first = page.locator("#key-travel option").first
+        assert first.inner_text() == "not stated: out is taken"
+
+        def cited(route: Any) -> None:
+            sidecar = route.fetch().json()
+            for field in sidecar["fields"]:
+                field["cited"] = "in" if field["key"] == "travel" else field["cited"]
+            route.fulfill(json=sidecar)
+
+        page.route("**/sidecar.json*", cited)
+        page.reload()
+        says(page, "#key-travel option", "calibration")
+        assert first.inner_text() == "not stated here: in is taken (from the calibration)"
+        choices = page.locator("#key-travel option").all_inner_texts()
+        assert len(choices) == len(set(choices)) == 4
+
+
 def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
         page = watched.page
