@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydicom.sr.codedict import codes
 from pydicom.uid import generate_uid
 from pydicom.valuerep import DS
 
@@ -26,7 +27,6 @@ MOST_PX = 65_535
 """An image has this many rows and columns at most, and as many values of 16 bits besides the one for unobserved."""
 _TEXT = 64
 _SCHEME = "99ENDOCT"
-_RESEARCH = "RESEARCH"
 
 
 def write_dicom(source: Exportable, path: Path, request: ExportRequest, stages: Stages) -> dict[str, object]:
@@ -59,7 +59,7 @@ def write_dicom(source: Exportable, path: Path, request: ExportRequest, stages: 
                 made["cells"] = _cells(hd, cells[side], image, series + 3)
             for name, dataset in made.items():
                 dataset.StudyDescription = source.title.replace("\\", "_")[:_TEXT]
-                dataset.ContentQualification = _RESEARCH
+                dataset.ContentQualification = "RESEARCH"
                 file = inside(path, f"{side}-{name}.dcm", str(source.path))
                 dataset.save_as(file, enforce_file_format=True)
                 files.append(file.name)
@@ -71,17 +71,14 @@ def _highdicom() -> Any:
     try:
         import highdicom
     except ModuleNotFoundError as error:
-        raise EndoctError(
-            "DICOM needs a library that is not installed",
-            found=f"no {error.name}",
-            remedy="pip install 'endoct[dicom]'",
-        ) from error
+        found, remedy = f"no {error.name}", "pip install 'endoct[dicom]'"
+        raise EndoctError("DICOM needs a library that is not installed", found=found, remedy=remedy) from error
     return highdicom
 
 
 def _image(hd: Any, layer: ImageLayer, grid: SurfaceGrid, study: str, frame: str, series: int) -> Any:
     """Return a secondary capture of a layer: that is what the standard has for images of unknown instruments."""
-    values = _whole(layer)
+    values = layer.read(0, layer.rows.size)
     known, (low, high) = np.isfinite(values), _range(values)
     step = (high - low) / (MOST_PX - 1) or 1.0
     stored = np.zeros(grid.shape, np.uint16)
@@ -112,9 +109,7 @@ def _image(hd: Any, layer: ImageLayer, grid: SurfaceGrid, study: str, frame: str
 
 def _relief(hd: Any, layer: ImageLayer, image: Any, series: int) -> Any:
     """Return a parametric map of a relief, in the place of ``image``."""
-    from pydicom.sr.codedict import codes
-
-    values = _whole(layer)
+    values = layer.read(0, layer.rows.size)
     low, high = contrast_of(layer)
     mapping = hd.pm.RealWorldValueMapping(
         lut_label="relief",
@@ -138,8 +133,6 @@ def _relief(hd: Any, layer: ImageLayer, image: Any, series: int) -> Any:
 
 def _cells(hd: Any, label: LabelLayer, image: Any, series: int) -> Any:
     """Return a segmentation of ``image``, one segment: its cells. Where it observed nothing there are none."""
-    from pydicom.sr.codedict import codes
-
     family = hd.sr.CodedConcept("evidence", _SCHEME, "Evidence above a threshold, or a mask as given")
     segment = hd.seg.SegmentDescription(
         segment_number=1,
@@ -173,10 +166,6 @@ def _series(name: str, number: int) -> dict[str, Any]:
         "device_serial_number": "none",
         "series_description": name[:_TEXT],
     }
-
-
-def _whole(layer: ImageLayer) -> Image:
-    return layer.read(0, layer.rows.size)
 
 
 def _range(values: Image) -> tuple[float, float]:
