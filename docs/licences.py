@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from packaging.requirements import Requirement
 
 PAGE = Path(__file__).parents[1] / "THIRD_PARTY.md"
-EXTRAS = {"shards", "fiji", "logs", "ct", "pose", "rivals", "cuda", "learn"}
+EXTRAS = {"shards", "fiji", "dicom", "logs", "ct", "pose", "rivals", "cuda", "learn"}
 LONGEST = 60
 COPYLEFT = {
     "x264": "GPL-2.0-or-later",

@@ -21,8 +21,9 @@ from endoct.synthetic.sample.presets import PresetName
 UNSET = arg(help_behavior_hint="")
 """For an option without a value. Its help names no default, since its sentence says what holds then."""
 FormatName = Literal[
-    "ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "csv", "pdf", "svg"
-]
+    "ome-zarr", "ome-tiff", "nrrd", "nifti", "ply", "stl", "glb", "itk-transform", "labels", "dicom", "csv",
+    "pdf", "svg",
+]  # fmt: skip
 RecipeName = Literal["paper"]
 OmeVersion = Literal["0.5", "0.4"]
 P = ParamSpec("P")
@@ -233,7 +234,7 @@ class ExportRequest:
 
     Args:
         path: a panorama written by `endoct unroll`, a folder written by `endoct compare`, or a simulated specimen
-        output: file to write, or of OME-Zarr the folder
+        output: file to write, or of OME-Zarr and DICOM the folder
         to: format, where the suffix of the output does not say it; labels always have to be named
         color: what colours a wall (ply, glb): a side's name for its brightness, or relief
         side: whose relief a wall has (ply, stl, glb), or whose numbers a table (csv)

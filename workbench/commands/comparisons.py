@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 from rich.table import Table
 from tyro.conf import Positional
 
-from endoct.workbench.commands.console import TextConsole, command_stages, print_json, print_line, print_result
+from endoct.workbench.commands.console import (
+    TextConsole,
+    command_stages,
+    print_begun,
+    print_json,
+    print_line,
+    print_result,
+)
 from endoct.workbench.requests import UNSET, CompareRequest, Output, SummariseRequest
 from endoct.workbench.running.refusals import DONE
 
@@ -70,6 +77,7 @@ def serve(folder: Positional[Path], host: str = "127.0.0.1", port: Annotated[int
         host: address to listen on; others than this machine reach it only where this is another than 127.0.0.1
         port: port to listen on; else 8765, or where that is taken any that is free
     """
+    print_begun(f"opening {folder}; the address follows")
     from endoct.workbench.page.serving import serve as serve_page
 
     serve_page(folder, host, port, lambda address: print_line(f"{address} shows {folder}; Ctrl+C ends it"))

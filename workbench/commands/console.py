@@ -114,6 +114,11 @@ def print_line(line: str) -> None:
     TextConsole().print(visible(line), soft_wrap=True)
 
 
+def print_begun(line: str) -> None:
+    """Print to stderr what has begun, where it takes seconds until there is anything to print."""
+    TextConsole(stderr=True).print(visible(line), soft_wrap=True)
+
+
 def print_json(value: object) -> None:
     """Print ``value`` as JSON, escaped where the terminal's encoding lacks letters."""
     has_all_letters = (sys.stdout.encoding or "utf-8").lower().startswith("utf")

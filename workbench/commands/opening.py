@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional
 
 from endoct.workbench.commands.comparisons import Compare, Summarise
-from endoct.workbench.commands.console import print_line
+from endoct.workbench.commands.console import print_begun, print_line
 from endoct.workbench.commands.poses import Pose
 from endoct.workbench.commands.recordings import Calibrate, Unroll
 from endoct.workbench.commands.simulations import Simulate, demo
@@ -43,6 +43,7 @@ def open_folder(
         port: port to listen on; else 8765, or where that is taken any that is free
         no_browser: print the address, and start no browser
     """
+    print_begun(f"opening {folder or 'a start page'}; the address follows")  # what is imported next takes seconds
     from endoct.workbench.desk.desk import Desk
     from endoct.workbench.desk.desk_app import desk_app
     from endoct.workbench.desk.state import State

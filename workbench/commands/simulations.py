@@ -127,8 +127,8 @@ def warm_up() -> int:
         )
     from endoct.workbench import api  # loads what a comparison needs
 
-    with TemporaryDirectory() as folder:
-        api.demo(Path(folder) / "demo", preset="learning", progress=command_stages(False))
+    with TemporaryDirectory() as folder, command_stages(False).stage("compiling"):
+        api.demo(Path(folder) / "demo", preset="learning", progress=False)
     print_line("compiled")
     return DONE
 

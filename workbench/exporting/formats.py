@@ -78,6 +78,14 @@ FORMATS = {
         ),
         Format("labels", _TIFF, (), "ome_files:write_labels", "cells by number, for Fiji, napari", by_suffix=False),
         Format(
+            "dicom",
+            (".dicom",),
+            (),
+            "dicom_files:write_dicom",
+            "images, relief and cells, for archives and other readers of DICOM",
+            is_folder=True,
+        ),
+        Format(
             "csv",
             (".csv",),
             ("side",),

@@ -8,6 +8,7 @@ import shlex
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, get_args
@@ -143,6 +144,7 @@ def _refused(one: Format, source: Exportable) -> str:
         "itk-transform": "" if source.alignment else "only of two sides that are aligned",
         "labels": "" if source.labels else "only of a comparison",
         "csv": "" if source.panoramas else "nothing is known per frame",
+        "dicom": "" if find_spec("highdicom") else "needs highdicom: pip install 'endoct[dicom]'",
     }
     return lacking.get("nrrd" if one.name == "nifti" else one.name, "")
 

@@ -32,7 +32,9 @@ def test_runs_that_go_on_are_counted(
     monkeypatch.setattr("endoct.workbench.page.serving.run_server", lambda app, host, port, say: say("http://here/"))
     monkeypatch.setattr(Queue, "runs", lambda _: [SimpleNamespace(state=state) for state in states])
     assert open_folder(tmp_path, no_browser=True) == 0
-    first, *rest = capsys.readouterr().out.splitlines()
+    printed = capsys.readouterr()
+    assert printed.err == f"opening {tmp_path}; the address follows\n"  # at once; the rest takes seconds
+    first, *rest = printed.out.splitlines()
     assert first.startswith("http://here/")
     assert f" shows {tmp_path}; Ctrl+C ends it" in " ".join([first, *rest])
     assert [line.split("; ")[0] for line in rest if "runs go on" in line] == said

@@ -126,6 +126,52 @@ def test_a_run_is_cancelled_and_queued_again(chromium: Any, served: Served, desk
         page.wait_for_selector(".queue li", state="detached", timeout=LONG_MS)
 
 
+def test_the_queue_is_in_the_order_in_which_it_runs_and_cuts_no_name(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    output = "results/" + "/".join(["a folder with a rather long name"] * 3)
+    states = {"1": "done", "2": "failed", "3": "running", "4": "waiting", "5": "waiting"}
+    rest = {"command": "endoct unroll", "verb": "unroll", "folder": str(study), "seconds": 1, "stages": {}}
+    with page_of(chromium, served, desk.open(study).address, ".queue") as watched:
+        page = watched.page
+
+        def queue(route: Any) -> None:
+            runs = [{"name": k, "output": f"{output} {k}", "state": states[k], "last_line": ""} | rest for k in states]
+            route.fulfill(json={"runs": runs})
+
+        page.route("**/queue.json", queue)
+        page.reload()
+        page.wait_for_selector(".queue li:nth-child(5)", timeout=LONG_MS)
+        rows = page.locator(".queue .output")
+        assert [text[-1] for text in rows.all_inner_texts()] == ["3", "4", "5", "2", "1"]
+        assert rows.evaluate_all("all => all.every(row => row.scrollWidth <= row.clientWidth && row.clientHeight > 30)")
+        states["4"] = "done"
+        page.wait_for_selector(".queue li:nth-child(3).done", timeout=LONG_MS)
+        assert [text[-1] for text in rows.all_inner_texts()] == ["3", "5", "4", "2", "1"]
+        assert page.locator(".queue h2 button").inner_text() == "clear what has ended"
+
+
+def test_a_menu_has_no_word_twice(chromium: Any, served: Served, desk: Desk, study: Path):
+    address = f"{desk.open(study).address}recording?name=bore-1/oct"
+    with page_of(chromium, served, address, "#key-travel") as watched:
+        page = watched.page
+        first = page.locator("#key-travel option").first
+        assert first.inner_text() == "not stated: out is taken"
+
+        def cited(route: Any) -> None:
+            sidecar = route.fetch().json()
+            for field in sidecar["fields"]:
+                field["cited"] = "in" if field["key"] == "travel" else field["cited"]
+            route.fulfill(json=sidecar)
+
+        page.route("**/sidecar.json*", cited)
+        page.reload()
+        says(page, "#key-travel option", "calibration")
+        assert first.inner_text() == "not stated here: in is taken (from the calibration)"
+        choices = page.locator("#key-travel option").all_inner_texts()
+        assert len(choices) == len(set(choices)) == 4
+
+
 def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
         page = watched.page

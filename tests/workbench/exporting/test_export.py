@@ -36,6 +36,8 @@ def of_each_format(panorama: Path, comparison: Path) -> dict[str, tuple[Path, st
 
 @pytest.mark.parametrize("name", list(FORMATS))
 def test_only_what_endoct_wrote_is_replaced(name: str, panorama: Path, comparison: Path, tmp_path: Path) -> None:
+    if name == "dicom":
+        pytest.importorskip("highdicom", reason="highdicom is not installed: pip install 'endoct[dicom]'")
     source, file = of_each_format(panorama, comparison)[name]
     output, chosen = tmp_path / file, FORMATS[name]  # type: ignore[index]
     options = {"voxel_mm": 0.1} if "voxel_mm" in chosen.options else {}
@@ -48,7 +50,7 @@ def test_only_what_endoct_wrote_is_replaced(name: str, panorama: Path, compariso
         return
     assert verify(output)[0].intact
     export(source, output, to=name, overwrite=True, **options)  # type: ignore[arg-type]
-    changed = output if output.is_file() else output / "zarr.json"
+    changed = output if output.is_file() else min(output.glob("*.dcm"), default=output / "zarr.json")
     data = bytearray(changed.read_bytes())
     data[-1] ^= 1
     changed.write_bytes(data)

@@ -24,7 +24,7 @@ def test_it_serves_until_it_is_interrupted(comparison: Path):
             assert b"page.js" in answer.read()
         server.send_signal(signal.SIGINT)
         _, said = server.communicate(timeout=60)
-        assert (server.returncode, said) == (0, "")
+        assert (server.returncode, said) == (0, f"opening {comparison}; the address follows\n")
     assert {path: path.stat().st_mtime_ns for path in comparison.rglob("*")} == before
 
 

@@ -325,7 +325,7 @@ def test_a_click_marks_the_place_as_in_the_panes(page: Watched):
 
 def test_it_closes_and_opens_again(page: Watched):
     for _ in range(2):
-        page.page.locator(".cylinder").get_by_role("button", name="×").click()
+        page.page.locator(".cylinder").get_by_role("button", name="close the cylinder").click()
         assert page.page.locator(".cylinder").count() == 0
         page.settle()
         open_cylinder(page)

@@ -4,6 +4,7 @@ import json
 import shlex
 import shutil
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -33,7 +34,8 @@ def test_every_format_is_offered_or_says_why_not(asked: Asked, folder: Path):
     listed = json.loads(asked.get("/exports.json")[1])
     refused = {one["name"]: one["refused"] for one in listed["formats"]}
     assert list(refused) == list(FORMATS)
-    assert {name for name, why in refused.items() if why} == {"nrrd", "nifti"}
+    assert {name for name, why in refused.items() if why} - {"dicom"} == {"nrrd", "nifti"}
+    assert ("pip install 'endoct[dicom]'" in refused["dicom"]) == (find_spec("highdicom") is None)
     assert listed["beside"] == str(folder.parent)
     options = {one["name"]: {each["name"]: each["choices"] for each in one["options"]} for one in listed["formats"]}
     assert options["csv"] == {"side": ["endoscope", "oct"]}
@@ -118,4 +120,4 @@ def test_beside_a_part_of_an_output_nothing_is_written(asked: Asked, folder: Pat
         assert (status, "a part of another output" in said) == (409, True)
         assert post(part, "/export", wanted("csv", side="oct"))[0] == 200
         refused = {one["name"] for one in listed["formats"] if one["refused"]}
-        assert refused == {"nrrd", "nifti", "itk-transform", "labels"}
+        assert refused - {"dicom"} == {"nrrd", "nifti", "itk-transform", "labels"}

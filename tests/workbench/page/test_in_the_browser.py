@@ -368,7 +368,7 @@ def test_a_click_shows_the_frames_there(page: Watched):
     page.page.mouse.move(5, 5)
     page.page.keyboard.press("ArrowDown")
     assert page.page.locator(".readout dd").nth(1).inner_text() != before
-    drawer.get_by_role("button", name="×").click()
+    drawer.get_by_role("button", name="close").click()
     assert drawer.is_hidden()
 
 

@@ -171,7 +171,7 @@ def test_a_pair_is_deleted_and_that_is_undone(page: Watched):
     page.page.get_by_role("button", name="landmarks").click()
     place(page, 0, 0)
     place(page, 30, 30)
-    page.page.locator(".landmarks tbody tr").first.get_by_role("button", name="×").click()
+    page.page.locator(".landmarks tbody tr").first.get_by_role("button", name="delete pair 1").click()
     assert rows(page) == 1
     page.page.get_by_role("button", name="undo").click()
     assert rows(page) == 2

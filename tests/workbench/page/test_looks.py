@@ -12,7 +12,7 @@ import pytest
 from mock_comparison import GRID
 from page_browser import Watched, opened
 from PIL import Image
-from workbench_page import Served, serving, written
+from workbench_page import Served, application, serving, written
 
 from endoct.base.doubt import Doubt
 from endoct.fusion.files.masks import DRAWN_STORE, save_drawings
@@ -36,6 +36,32 @@ def page(chromium: Any, served: Served) -> Iterator[Watched]:
         yield watched
 
 
+def test_every_page_says_what_it_is_and_where_its_content_lies(comparison: Path) -> None:
+    with application(comparison) as page, application(comparison.parent) as collection:
+        pages = [page.get("/manual/how-to/export.md"), collection.get("/")]
+        assert "<main" not in page.get("/")[1].decode()  # its program makes it, as the test below says
+    for status, data, _ in pages:
+        html = data.decode()
+        assert status == 200
+        assert '<html lang="en">' in html
+        assert re.search(r"<title>[^<]+</title>", html)
+        assert len(re.findall(r"<main[ >]", html)) == len(re.findall(r"<h1[ >]", html)) == 1
+
+
+def test_every_control_has_a_name_in_words(page: Watched) -> None:
+    page.page.keyboard.press("d")
+    page.page.wait_for_selector(".masks:not([hidden])")
+    nameless = page.page.evaluate(
+        """() => [...document.querySelectorAll("button, select, textarea, input:not([type=hidden])")].filter((one) => {
+          const said = one.getAttribute("aria-label") ?? one.labels?.[0]?.textContent ?? one.textContent;
+          return !/[\\p{L}\\p{N}]/u.test(said);
+        }).map((one) => one.outerHTML)"""
+    )
+    assert nameless == []
+    assert (page.page.locator("main").count(), page.page.locator("h1").count()) == (1, 1)
+    assert page.page.get_by_role("button", name="contrast and colours as at first").count() == 2
+
+
 @pytest.fixture(scope="module")
 def with_truth(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A comparison with a truth that has a cell around θ = 115° only; the sides' other cells are wrong."""
@@ -50,6 +76,32 @@ def pixels(watched: Watched, of: str, k: int = 0) -> np.ndarray:
     """Return a screenshot of an element, int (rows, columns, 3)."""
     png = watched.page.locator(of).nth(k).screenshot()
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+
+
+def luminance(colour: str) -> float:
+    """Return the relative luminance of "#rrggbb", as WCAG 2 defines it."""
+    parts = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+@pytest.mark.parametrize("scheme", [0, 1])
+def test_texts_stand_out_from_what_they_lie_on(scheme: int) -> None:
+    assert luminance("#ffffff") / luminance("#808080") == pytest.approx(1 / 0.2159, rel=1e-3)
+    sheet = (FRONTEND / "page.css").read_text()
+    colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)[scheme]))
+    pairs = [
+        (text, ground) for text in ("ink", "soft", "accent", "good", "doubt", "bad") for ground in ("paper", "card")
+    ]
+    pairs += [(text, f"{text}-paper") for text in ("good", "doubt", "bad")] + [("ink", "press"), ("card", "accent")]
+    for text, ground in pairs:
+        dark, bright = sorted(luminance(colours[each]) for each in (text, ground))
+        assert (bright + 0.05) / (dark + 0.05) >= 4.5, f"{text} on {ground}"
+    # nothing takes from these: what is pale is switched off, and what is pressed is in ink
+    for name in ("page.css", "desk.css"):
+        pale = re.findall(r"([^{}]+)\{[^{}]*[^-]opacity: 0?\.\d", (FRONTEND / name).read_text())
+        assert [rule.strip() for rule in pale] == ["button:disabled"] * (name == "page.css")
+    assert re.search(r'button\[aria-pressed="true"\] \{ color: var\(--ink\); background: var\(--press\)', sheet)
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -38,6 +38,13 @@ def test_nothing_else_is_served(name: str):
     assert manual_page(name) is None
 
 
+def test_no_head_of_a_table_is_empty():
+    page = manual_page("how-to/page.md")
+    assert page is not None
+    assert "<td></td>" in page
+    assert not re.search(r"<th[^>]*>\s*</th>", page)
+
+
 def test_markup_in_a_page_is_text():
     page = manual_page("how-to/datasets.md")
     assert page is not None

@@ -1,5 +1,6 @@
 """The board: a page that says first where endoct is beaten, and believes no name."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,10 @@ def test_losses_come_before_standings_and_names_are_texts(submissions: Path, tmp
     assert "declined: too dark" in page
     assert page.count("<td>not checked</td>") == 4  # of two methods on two generators
     assert page.count("<svg") == 2
+    assert page.count("<main>") == page.count("</main>") == page.count("<h1>") == 1
+    scrolled = re.findall(r'<div class="scroll"([^>]*)>', page)
+    assert len(scrolled) == 6  # standings and cases of two generators, methods, runs: keys have to reach them
+    assert all('tabindex="0"' in each and "aria-label=" in each for each in scrolled)
     write_board(submissions, tmp_path / "again.html")
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "board.html").read_bytes()
 

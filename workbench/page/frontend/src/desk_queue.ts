@@ -1,7 +1,7 @@
 /** The queue: every run with its progress, its log and its outcome. It is the same on every page and after a restart. */
 
 import { ask, message, named, post, type Run } from "./desk_server";
-import { button, element } from "./dom";
+import { button, element, pathText } from "./dom";
 import { explain } from "./explain";
 
 const EVERY_MS = 700;
@@ -21,7 +21,7 @@ export class QueuePanel {
 
   /** `ended` is called whenever a run has ended; `folder` is the one that is open. */
   constructor(private readonly root: string, private readonly folder: string, private readonly ended: () => void) {
-    const clear = button("clear", "take off the list what has ended; outputs stay", null, () => void this.act("clear"));
+    const clear = button("clear what has ended", "take it off the list; outputs stay", null, () => void this.act("clear"));
     this.element.append(element("h2", {}, "Queue", explain("queue"), this.count, clear), this.fault, this.list);
     void this.follow();
   }
@@ -63,7 +63,7 @@ export class QueuePanel {
     }
   }
 
-  /** Rows stay where they are, and so does what the pointer is on; only what has changed in them is set. */
+  /** Rows are kept, and so is what the pointer is on; only what has changed in them is set. */
   private show(runs: readonly Run[]): void {
     const [now, waiting] = ["running", "waiting"].map((state) => runs.filter((run) => run.state === state).length);
     this.count.textContent = now || waiting ? `${now} under way, ${waiting} waiting` : runs.length ? "nothing is under way" : "empty";
@@ -79,10 +79,15 @@ export class QueuePanel {
       if (!row) {
         row = new RunRow(this, run, run.folder === this.folder);
         this.rows.set(run.name, row);
-        this.list.prepend(row.element);
       }
       hasEnded = row.update(run) || hasEnded;
     }
+    // what is open stands first, in the order in which it runs; then what has ended, the latest first
+    const order = [...runs.filter(isOpen), ...runs.filter((run) => !isOpen(run)).reverse()];
+    order.forEach((run, k) => {
+      const row = this.rows.get(run.name)?.element;
+      if (row && this.list.children[k] !== row) this.list.insertBefore(row, this.list.children[k] ?? null);
+    });
     if (hasEnded) this.ended();
   }
 }
@@ -107,7 +112,7 @@ class RunRow {
     this.details.append(element("code", { class: "command" }, run.command), this.log);
     this.element = element("li", {},
       element("div", { class: "line" },
-        element("strong", {}, run.verb), element("span", { class: "output", title: run.command }, run.output || run.command), this.state),
+        element("strong", {}, run.verb), element("span", { class: "output", title: run.command }, ...pathText(run.output || run.command)), this.state),
       this.stages, this.said, ...(isHere ? [] : [element("small", {}, run.folder)]),
       element("div", { class: "line buttons" }, this.links, this.cancel, this.again, this.more),
       this.details);

@@ -93,7 +93,7 @@ class RecordingPage {
     const from = field.cited ? " (from the calibration)" : field.stated ? ` (stated by ${this.sidecar?.stated_by || "the files"})` : usual && field.kind === "choice" ? " (taken where nothing is said)" : "";
     let control: HTMLInputElement | HTMLSelectElement;
     if (field.kind === "choice") {
-      control = element("select", {}, element("option", { value: "" }, usual ? (from.endsWith("said)") ? `not stated: ${usual} is taken` : `${usual}${from}`) : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));
+      control = element("select", {}, element("option", { value: "" }, usual ? (from.endsWith("said)") ? `not stated: ${usual} is taken` : `not stated here: ${usual} is taken${from}`) : ""), ...field.choices.map((choice) => element("option", { value: choice }, choice)));
     } else {
       control = element("input", { type: "text", spellcheck: "false", placeholder: usual + from });
       if (field.kind === "number") control.inputMode = "decimal";

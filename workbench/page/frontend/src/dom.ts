@@ -16,6 +16,7 @@ export function element<K extends keyof HTMLElementTagNameMap>(
 export function button(label: string, title: string, pressed: boolean | null, act: () => void): HTMLButtonElement {
   const made = element("button", { type: "button", title }, label);
   if (pressed !== null) made.setAttribute("aria-pressed", String(pressed));
+  if (!/[\p{L}\p{N}]/u.test(label)) made.setAttribute("aria-label", title); // a sign is read out as nothing
   made.addEventListener("click", act);
   return made;
 }
