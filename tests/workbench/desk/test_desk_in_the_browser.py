@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -294,6 +295,10 @@ def test_results_are_sorted_filtered_grouped_and_noted_on(
         page.locator(".results .group", has_text="bore-1").wait_for()  # of whose recordings it is
         page.click(f".results tr[data-name='{one}'] button")
         page.get_by_label("note", exact=True).fill("wet <b>")
+        looked = count(1)  # what is listed is looked at again meanwhile: before recordings are found, and then
+        with page.expect_response(lambda response: "results.json" in response.url and next(looked) == 2):
+            dropped(watched, {"read me.txt": "of mine"})
+        page.wait_for_timeout(50)  # and drawn
         page.click("dialog button:text('Save')")
         page.locator(f".results tr[data-name='{one}'] button", has_text="wet <b>").wait_for()
         page.wait_for_selector(".pairs button:text('compare 1 of 2 pairs')")  # the other has a result

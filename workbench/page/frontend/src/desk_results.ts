@@ -37,7 +37,7 @@ export class ResultsTable {
   private down = false;
 
   /** `summarise` is asked for with the names of the comparisons that are shown; `steps` are what can be done about a result. */
-  constructor(summarise: (names: string[]) => void, private readonly steps: (entry: Result) => HTMLElement[]) {
+  constructor(summarise: (names: string[]) => void, private readonly steps: (entry: Result) => HTMLElement[], private readonly lookAgain: () => void) {
     this.heads = COLUMNS.map(([title, key], column) => key
       ? element("th", { scope: "col", "aria-sort": column === 1 ? "ascending" : "none" }, button(title, `sort by ${title}`, null, () => this.sort(column)), explain(title))
       : element("th", { scope: "col" }, title, explain(title)));
@@ -112,11 +112,10 @@ export class ResultsTable {
     text.value = entry.note;
     body.addEventListener("submit", (event) => {
       event.preventDefault();
-      post<{ note: string }>("note", { name: entry.name, text: text.value, was: entry.note }).then(
-        ({ note }) => {
-          entry.note = note;
+      post("note", { name: entry.name, text: text.value, was: entry.note }).then(
+        () => {
           dialog.close();
-          this.draw();
+          this.lookAgain(); // what is listed may be another by now
         },
         (error: unknown) => (fault.textContent = message(error)),
       );

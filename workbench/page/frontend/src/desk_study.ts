@@ -20,13 +20,14 @@ class StudyPage {
   private readonly inputs = element("tbody");
   private readonly pairs = new PairsPanel((pairs) => void this.compareAll(pairs));
   private readonly unread = element("div", { class: "unread" });
-  private readonly results = new ResultsTable((folders) => this.run("summarise", { folders, output: this.free("results/summary") }), (entry) => stepsOf(entry, this.study));
+  private readonly results = new ResultsTable((folders) => this.run("summarise", { folders, output: this.free("results/summary") }), (entry) => stepsOf(entry, this.study), () => void this.showResults());
   private readonly said = element("small", { role: "status" });
   private readonly fault = element("p", { class: "fault", role: "alert" });
   private readonly queue: QueuePanel;
   private forms: Record<string, Form> = {};
   private found: Found = { looking: true, fault: "", inputs: [], unread: { count: 0, files: [] }, pairs: [] };
   private entries: Result[] = [];
+  private asked = 0;
   private readonly study: Study = {
     form: (command) => this.forms[command], inputs: () => this.found.inputs, paths: () => this.paths(), free: (name) => this.free(name),
     queued: () => this.queue.follow(), refuse: (text) => (this.fault.textContent = text),
@@ -177,8 +178,11 @@ class StudyPage {
   }
 
   private async showResults(): Promise<void> {
+    const asked = ++this.asked;
     try {
-      this.entries = (await ask<{ entries: Result[] }>("results.json")).entries;
+      const { entries } = await ask<{ entries: Result[] }>("results.json");
+      if (asked < this.asked) return; // whoever asked later gets what is newer
+      this.entries = entries;
     } catch (error) {
       this.fault.textContent = message(error);
       return;
