@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.result import Plane
+from endoct.fusion.result import CuttingPlane
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.planes import find_planes
@@ -66,7 +66,9 @@ def shuffled(image: NDArray[np.float32], rng: np.random.Generator) -> Iterator[N
     yield np.stack([np.roll(column, rng.integers(column.size)) for column in image.T], axis=1)
 
 
-def matched(planes: list[Plane], by_eye: list[tuple[int, ...]], dz_mm: float, free: set[int]) -> list[int | None]:
+def matched(
+    planes: list[CuttingPlane], by_eye: list[tuple[int, ...]], dz_mm: float, free: set[int]
+) -> list[int | None]:
     """Return which ``free`` plane is each one by eye, at most ``ROWS_OFF`` off in the root mean square, and take it."""
     theta = np.radians(np.arange(0, 360, 5))
     answers: list[int | None] = []

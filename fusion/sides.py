@@ -11,7 +11,7 @@ from endoct.base.doubt import Doubt
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, SearchOutcome
 from endoct.fusion.geometry.placement import Sampling
-from endoct.fusion.result import ByHand, Plane, Result
+from endoct.fusion.result import ByHand, CuttingPlane, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, Surface, difference
 from endoct.fusion.segmentation.segment import Segmentation
@@ -60,7 +60,7 @@ class PlacedSide(Surface):
 
     intensity: Image
     depth_mm: Image
-    planes: tuple[Plane, ...] = ()
+    planes: tuple[CuttingPlane, ...] = ()
     source: Side | None = None
     cells: Segmentation | None = None
 

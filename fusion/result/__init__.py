@@ -1,7 +1,7 @@
 """The result of a comparison as types; only they know the keys of ``result.json``."""
 
 from endoct.fusion.result.bounds import Bounded, Bounds, Features
-from endoct.fusion.result.planes import Plane
+from endoct.fusion.result.planes import CuttingPlane
 from endoct.fusion.result.result import (
     Believable,
     Bootstrap,
@@ -64,6 +64,7 @@ __all__ = [
     "CellScores",
     "Consensus",
     "Contradiction",
+    "CuttingPlane",
     "DecidedByDepth",
     "Distances",
     "DrawnBy",
@@ -82,7 +83,6 @@ __all__ = [
     "PairwiseScores",
     "Performance",
     "PlacedPair",
-    "Plane",
     "RaterAgreement",
     "RaterMedians",
     "RaterPair",

@@ -10,7 +10,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result.scores import Number, Part
 
 
-class Plane(Part):
+class CuttingPlane(Part):
     """A plane through a bore, with standard errors.
 
     Attributes
@@ -36,12 +36,12 @@ class Plane(Part):
         height_mm = self.radius_mm * math.tan(self.dip_rad)
         return np.asarray(self.z_mm + height_mm * np.cos(np.asarray(theta_rad) - self.azimuth_rad))
 
-    def scaled(self, factor: float) -> "Plane":
+    def scaled(self, factor: float) -> "CuttingPlane":
         """Return the plane with every length times ``factor``."""
         names = "z_mm", "z_error_mm", "radius_mm"
         return self.model_copy(update={name: factor * getattr(self, name) for name in names})
 
-    def moved(self, alignment: Alignment) -> "Plane":
+    def moved(self, alignment: Alignment) -> "CuttingPlane":
         """Return a plane of side B as it lies in A's frame, by the rigid part of ``alignment``."""
         rigid, scale, slope = alignment.rigid, alignment.z_scale, math.tan(self.dip_rad)
         turn = math.pi if rigid.z_reversed else 0.0

@@ -13,7 +13,7 @@ from endoct.base.doubt import Doubt, as_doubt, without_doubts
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.result.bounds import Bounds
-from endoct.fusion.result.planes import Plane
+from endoct.fusion.result.planes import CuttingPlane
 from endoct.fusion.result.scores import (
     Budget,
     ByLi,
@@ -289,7 +289,7 @@ class Result(Part):
     threshold: dict[str, Threshold] | None = None
     polarity: dict[str, str | None] | None = None
     polarity_from: dict[str, str | None] | None = None
-    planes: dict[str, Annotated[tuple[Plane, ...], Field(strict=False)]] = Field(default_factory=dict)
+    planes: dict[str, Annotated[tuple[CuttingPlane, ...], Field(strict=False)]] = Field(default_factory=dict)
     scores: PairScores | None = None
     budget: Budget | None = None
     wall: WallSummary | None = None

@@ -16,7 +16,7 @@ from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.least_squares import harmonics
 from endoct.base.numeric.ranks import medians, robust_sigma, robust_sigmas
 from endoct.fusion.evidence.evidence import Evidence, on_grid
-from endoct.fusion.result import Plane
+from endoct.fusion.result import CuttingPlane
 from endoct.stitching.grid import SurfaceGrid
 
 THICKEST = 0.5
@@ -34,7 +34,7 @@ LEAST_VOTES, LEAST_SUPPORT = 0.55, 0.45
 """The share of directions that vote for a plane, and that of columns of which it has a line."""
 
 
-def find_planes(darkness: Evidence) -> tuple[Plane, ...]:
+def find_planes(darkness: Evidence) -> tuple[CuttingPlane, ...]:
     """Return the planes that show as thin dark lines around the bore, by ascending z."""
     radius_mm, z_mm = darkness.radius_mm, darkness.z_mm
     dz_mm = max(darkness.dz_mm, FINEST * radius_mm)
@@ -44,7 +44,7 @@ def find_planes(darkness: Evidence) -> tuple[Plane, ...]:
     even = on_grid(darkness, z_mm[0] + dz_mm * np.arange(n_rows), min(darkness.values.shape[1], MOST_COLUMNS))
     row, column = np.nonzero(_middles_of_lines(even))
     z, theta = even.z_mm[row] / radius_mm, 2 * np.pi / even.values.shape[1] * column
-    planes: list[Plane] = []
+    planes: list[CuttingPlane] = []
     more = True
     while more:  # a plane may hide others that cut the axis at the same place
         more = False
@@ -56,7 +56,7 @@ def find_planes(darkness: Evidence) -> tuple[Plane, ...]:
     return tuple(sorted(planes, key=lambda plane: plane.z_mm))
 
 
-def without_planes(cells: Mask, planes: tuple[Plane, ...], grid: SurfaceGrid) -> Mask:
+def without_planes(cells: Mask, planes: tuple[CuttingPlane, ...], grid: SurfaceGrid) -> Mask:
     """Return ``cells``, bool (n_z, n_theta), without what is thin along the bore and lies in planes.
 
     A fracture is no cell. Where it opens into a cavity, that stays.
@@ -128,7 +128,7 @@ def _votes(
     return most, cosine, sine
 
 
-def _fitted(z: Coordinates, theta: Coordinates, n_theta: int, sine: Coordinates) -> tuple[Plane, Mask] | None:
+def _fitted(z: Coordinates, theta: Coordinates, n_theta: int, sine: Coordinates) -> tuple[CuttingPlane, Mask] | None:
     """Return the plane, in radii, of the lines near a ``sine``, and which lines are its; None where they are too few.
 
     Neighbouring directions err alike, which widens the errors: their residuals count as of a process of first order.
@@ -153,7 +153,7 @@ def _fitted(z: Coordinates, theta: Coordinates, n_theta: int, sine: Coordinates)
     steeper = np.array([0, math.cos(azimuth), math.sin(azimuth)])
     aside = np.array([0, -math.sin(azimuth), math.cos(azimuth)])
     of_slope, of_side = (math.sqrt(u @ covariance @ u) for u in (steeper, aside))
-    plane = Plane(
+    plane = CuttingPlane(
         z_mm=float(sine[0]),
         dip_rad=math.atan(slope),
         azimuth_rad=azimuth % (2 * math.pi),

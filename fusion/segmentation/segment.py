@@ -19,7 +19,7 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.regions import label, looked_up, quantiles
 from endoct.fusion.evidence.evidence import Evidence, Polarity
 from endoct.fusion.evidence.relief import ParallaxRelief
-from endoct.fusion.result import DecidedByDepth, Plane
+from endoct.fusion.result import CuttingPlane, DecidedByDepth
 from endoct.fusion.segmentation.cleaning import clean
 from endoct.fusion.segmentation.li_alone import LEAST_RELIEF_SIGMAS, above_li, spread_of_wall
 from endoct.fusion.segmentation.outlines import clearest_regions, enclosed_by_lines
@@ -187,7 +187,7 @@ class Segmentation:
     doubts: tuple[Doubt, ...] = ()
     eye_declined: EyeDeclined | None = None
     probability: Image | None = None
-    planes: tuple[Plane, ...] = ()
+    planes: tuple[CuttingPlane, ...] = ()
 
 
 def find_cells(

@@ -33,11 +33,15 @@ _DIRECTION = re.compile(r"(.*?)[\[:_(]?(\d+)[\])]?")
 def is_log(path: Path) -> bool:
     """Say whether a file begins as a LAS or a DLIS does."""
     try:
-        with open_regular(path) as file:
-            begin = file.read(4000) or b""  # None of a file of the system that has nothing to give yet
+        begin = _begin(path)
     except (EndoctError, OSError):
         return False
     return _is_dlis(begin) or _is_las(begin)
+
+
+def _begin(path: Path) -> bytes:
+    with open_regular(path) as file:
+        return file.read(4000) or b""  # None of a file of the system that has nothing to give yet
 
 
 def read_log(path: Path, curve: str | None = None) -> tuple[Coordinates, Coordinates]:
@@ -63,10 +67,9 @@ def read_log(path: Path, curve: str | None = None) -> tuple[Coordinates, Coordin
 
 @lru_cache(maxsize=1)  # what states, looks and reads asks for the same
 def _read(path: Path, _state: object) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:
-    data = read_small(path, MOST_BYTES)
     try:
         with refusing(f"{path} cannot be read as a log"):
-            return _read_dlis_apart(path) if _is_dlis(data[:4000]) else _read_las(path, data)
+            return _read_dlis_apart(path) if _is_dlis(_begin(path)) else _read_las(path)
     except EndoctError as error:
         if not isinstance(error.__cause__, ImportError):
             raise
@@ -86,11 +89,11 @@ def _is_dlis(begin: bytes) -> bool:
     return begin[4:9] == b"V1.00" and begin[9:15] == b"RECORD"
 
 
-def _read_las(path: Path, data: bytes) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:
+def _read_las(path: Path) -> tuple[list[tuple[str, Coordinates]], Coordinates, str]:
     import lasio
 
     # not by path: a text in its place could be an address, which lasio fetches
-    log = lasio.read(io.StringIO(data.decode("utf-8", "replace")), mnemonic_case="preserve")
+    log = lasio.read(io.StringIO(read_small(path, MOST_BYTES).decode("utf-8", "replace")), mnemonic_case="preserve")
     if not log.curves:
         raise EndoctError(f"{path} has no curves")
     by_name: dict[str, list[tuple[int, Any]]] = {}

@@ -11,7 +11,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.fusion.evidence import MASK_MODALITY
-from endoct.fusion.result import Plane
+from endoct.fusion.result import CuttingPlane
 from endoct.modalities.contract import Picture
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -34,7 +34,7 @@ class SideFindings:
     valid: Mask
     panorama: Panorama
     pictures: Mapping[int, tuple[Picture, ...]]
-    planes: tuple[Plane, ...] = ()
+    planes: tuple[CuttingPlane, ...] = ()
 
     @property
     def is_drawn_mask(self) -> bool:

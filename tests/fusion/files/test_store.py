@@ -23,7 +23,7 @@ from endoct.fusion.files.store import (
     save_comparison,
 )
 from endoct.fusion.geometry.alignment import Alignment
-from endoct.fusion.result import Plane, Result
+from endoct.fusion.result import CuttingPlane, Result
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid
@@ -32,7 +32,7 @@ from endoct.stitching.store import save_panorama
 
 GRID = SurfaceGrid.full_circle(5, 8, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
 SIDES = ("endoscope", "oct")
-PLANE = Plane(
+PLANE = CuttingPlane(
     z_mm=0.3, dip_rad=0.5, azimuth_rad=1.0, z_error_mm=0.01, dip_error_rad=0.02, azimuth_error_rad=0.03, support=0.9,
     radius_mm=1.25,
 )  # fmt: skip

@@ -10,7 +10,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.geometry.placement import Sampling
-from endoct.fusion.result import Plane
+from endoct.fusion.result import CuttingPlane
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.planes import find_planes, without_planes
 from endoct.fusion.segmentation.side_cells import segment_side
@@ -23,13 +23,13 @@ GRID = SurfaceGrid.full_circle(150, 180, z0_mm=2.0, dz_mm=DZ_MM, radius_mm=RADIU
 GRAIN = np.random.default_rng(4).normal(0, 0.04, GRID.shape).astype(np.float32)
 
 
-def plane(z_mm: float, dip_deg: float, azimuth_deg: float) -> Plane:
+def plane(z_mm: float, dip_deg: float, azimuth_deg: float) -> CuttingPlane:
     errors = dict.fromkeys(("z_error_mm", "dip_error_rad", "azimuth_error_rad"), 0.0)
     dip, azimuth = math.radians(dip_deg), math.radians(azimuth_deg)
-    return Plane(z_mm=z_mm, dip_rad=dip, azimuth_rad=azimuth, support=1.0, radius_mm=RADIUS_MM, **errors)
+    return CuttingPlane(z_mm=z_mm, dip_rad=dip, azimuth_rad=azimuth, support=1.0, radius_mm=RADIUS_MM, **errors)
 
 
-def band(of: Plane, grid: SurfaceGrid = GRID, thick_mm: float = 0.12) -> np.ndarray:
+def band(of: CuttingPlane, grid: SurfaceGrid = GRID, thick_mm: float = 0.12) -> np.ndarray:
     return np.abs(grid.z_mm[:, None] - of.z_at(grid.theta_rad)) <= thick_mm / 2
 
 

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from endoct.base.arrays import Image
-from endoct.fusion.result import Plane
+from endoct.fusion.result import CuttingPlane
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -63,7 +63,7 @@ def titles(figure: Figure) -> list[str]:
 
 
 def test_planes_are_drawn_into_their_sides_walls(panels: Panels, figures: list[Figure]) -> None:
-    plane = Plane(
+    plane = CuttingPlane(
         z_mm=2.0, dip_rad=0.6, azimuth_rad=1.0, z_error_mm=0.0, dip_error_rad=0.0, azimuth_error_rad=0.0, support=0.9,
         radius_mm=1.25,
     )  # fmt: skip

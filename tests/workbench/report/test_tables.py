@@ -9,13 +9,13 @@ import pytest
 from endoct.fusion.result import (
     ByHand,
     CellScores,
+    CuttingPlane,
     Distances,
     Limits,
     Moved,
     Overlap,
     PairDistance,
     PlacedPair,
-    Plane,
     Result,
     StoredAlignment,
     StoredPlace,
@@ -36,7 +36,7 @@ ALIGNMENT = StoredAlignment(
 
 
 def test_planes_are_said_in_degrees_with_their_standard_errors() -> None:
-    plane = Plane(
+    plane = CuttingPlane(
         z_mm=12.3456, dip_rad=0.5, azimuth_rad=1.0, z_error_mm=0.0123, dip_error_rad=0.02, azimuth_error_rad=0.03,
         support=0.914, radius_mm=1.25,
     )  # fmt: skip
