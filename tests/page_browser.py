@@ -1,7 +1,7 @@
 """A browser for tests: the Chromium that is installed, watched for errors and for requests that leave the machine."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -116,3 +116,27 @@ def leave(page: Any, server: str) -> None:
     page.route("**/left", lambda route: route.fulfill(body=EMPTY, content_type="text/html"))
     page.goto(f"{server}left")
     page.unroute_all()
+
+
+@contextmanager
+def answered_last_first(page: Any, address: str) -> Iterator[Callable[[str], None]]:
+    """Hold every question to this address until the block ends, then answer the last first.
+
+    What it yields waits until a question with these words in it is held.
+    """
+    held = list[Any]()
+
+    def wait_for(words: str) -> None:
+        for _ in range(500):
+            if held and words in (held[-1].request.post_data or ""):
+                return
+            page.wait_for_timeout(20)
+        pytest.fail(f"nobody asks {address} for {words}")
+
+    page.route(address, lambda route: held.append(route))
+    yield wait_for
+    assert len(held) > 1
+    for route in reversed(held):
+        with page.expect_response(address):
+            route.continue_()
+    page.unroute(address)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from page_browser import WITHOUT_CARD, Watched, browser, opened
+from page_browser import WITHOUT_CARD, Watched, answered_last_first, browser, opened
 from workbench_page import Served, serving
 
 from endoct.workbench.desk.desk import Desk
@@ -179,6 +179,13 @@ def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served
         page.click(".inputs tr[data-name='bore-1/oct'] button:has-text('unroll')")
         page.fill("dialog #field-output", "../elsewhere.zarr")
         says(page, "dialog .fault", "no path in the folder")
+        assert page.locator("dialog >> text=Run").is_disabled()
+        with answered_last_first(page, "**/command") as wait_for:
+            for output in ("elsewhere.zarr", "../again.zarr"):
+                page.fill("dialog #field-output", output)
+                wait_for(output)
+        says(page, "dialog .fault", "no path in the folder")
+        page.wait_for_timeout(50)
         assert page.locator("dialog >> text=Run").is_disabled()
         page.fill("dialog #field-output", "elsewhere.zarr")
         says(page, "dialog .command", "elsewhere.zarr$")

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from page_browser import Watched, opened
+from page_browser import Watched, answered_last_first, opened
 from PIL import Image
 from workbench_page import Served, serving, written
 
@@ -312,8 +312,10 @@ def test_a_file_for_another_program_is_chosen_by_keys_alone(chromium: Any, tmp_p
         page.wait_for_selector("dialog .command:not(:empty)")
         assert page.get_by_role("button", name="download").is_disabled()  # the first format is a folder
         page.locator("dialog input:checked").focus()
-        while page.locator("dialog input:checked").input_value() != "csv":
-            page.keyboard.press("ArrowDown")
+        with answered_last_first(page, "**/export-line.json*") as wait_for:
+            while page.locator("dialog input:checked").input_value() != "csv":
+                page.keyboard.press("ArrowDown")
+            wait_for("csv")
         page.locator("dialog .command", has_text="--to csv --side=endoscope").wait_for()
         page.get_by_label("side", exact=True).select_option("oct")
         line = f"endoct export {folder} --to csv --side=oct -o {tmp_path / 'result.csv'}"

@@ -29,18 +29,19 @@ export function openForm(form: Form, given: Values, paths: readonly string[], qu
     const control = controls.get(field.name);
     return control ? [[field.name, valueOf(field, control)] as const] : [];
   }));
-  let waiting = 0;
+  let [waiting, checks] = [0, 0];
   const check = async (isNew = false): Promise<void> => {
+    const mine = ++checks;
+    let [command, refused] = ["", ""];
     try {
-      const { command } = await post<{ command: string }>("command", { command: form.command, values: values() });
-      line.textContent = command;
-      fault.textContent = "";
-      run.disabled = false;
+      ({ command } = await post<{ command: string }>("command", { command: form.command, values: values() }));
     } catch (error) {
-      line.textContent = "";
-      fault.textContent = isNew ? "" : message(error); // nothing is wrong before anything was typed
-      run.disabled = true;
+      refused = message(error);
     }
+    if (mine !== checks) return; // a slow answer undoes no later one
+    line.textContent = command;
+    fault.textContent = isNew ? "" : refused; // nothing is wrong before anything was typed
+    run.disabled = !command;
   };
   body.addEventListener("input", () => {
     window.clearTimeout(waiting);

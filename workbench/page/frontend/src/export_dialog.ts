@@ -29,16 +29,17 @@ function fill(body: HTMLElement, formats: readonly ExportFormat[], beside: strin
   const line = element("code", { class: "command", tabindex: "0", "aria-label": "command line" });
   let chosen = formats.find((one) => !one.refused);
   let given: Record<string, string> = {};
-  let timer = 0;
+  let [timer, checks] = [0, 0];
   const asked = (): Exported => ({ format: chosen?.name ?? "", options: given });
   const check = async (): Promise<void> => {
+    const mine = ++checks;
+    let [command, refused] = ["", ""];
     try {
-      line.textContent = (await source.exportLine(asked())).command;
-      said.textContent = "";
+      ({ command } = await source.exportLine(asked()));
     } catch (error) {
-      line.textContent = "";
-      said.textContent = message(error);
+      refused = message(error);
     }
+    if (mine === checks) [line.textContent, said.textContent] = [command, refused]; // a slow answer undoes no later one
   };
   const later = (): void => {
     window.clearTimeout(timer);
