@@ -18,7 +18,6 @@ from endoct.fusion.pose.wall import (
     SHARED,
     TURN,
     Sense,
-    directions,
     prior_deviations,
     wall_places,
 )
@@ -107,7 +106,7 @@ def _part(number: int) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class _Compared:
-    """Samples of all layers of a side (m,): what it shows, with what weight, what the CT has, and its change (m, n)."""
+    """Samples of a side that count (m,): what it shows, with what weight, what the CT has, and its change (m, n)."""
 
     shown: torch.Tensor
     weight: torch.Tensor
@@ -119,18 +118,18 @@ def _compared(air: AirAround, side: Observation, sense: Sense, at: torch.Tensor,
     own = torch.cat([at[:SHARED], at[SHARED + OF_SIDE * number : SHARED + OF_SIDE * (number + 1)]])
     parts = []
     for layer in side.layers:
-        places, moved = wall_places(side, sense, air.length_mm / 2, own, layer.behind_mm)
+        # bare wall says nothing: the CT's noise and the density of bone would be taken for a pattern there
+        telling = np.nonzero(layer.weight * layer.air * (1 - layer.air))
+        shown = at.new_tensor(layer.air[telling])
+        weight = at.new_tensor(layer.weight[telling]) * 4 * shown * (1 - shown)
+        places, moved = wall_places(side, sense, air.length_mm / 2, own, layer.behind_mm, telling)
         has, gradient = air.share_and_gradient(places)
         gradient = gradient.to(torch.float64)
-        change = torch.einsum("iztp,izt->ztp", moved.permute(2, 0, 1, 3), gradient)
-        slope = gradient.norm(dim=0)
-        along = torch.einsum("izt,i->zt", gradient, directions(own[2:SHARED])[:, 2]).abs()
-        change[..., SHARED + EDGE], change[..., SHARED + RIMS] = slope, along
+        change = torch.einsum("mip,im->mp", moved, gradient)
+        slope, along = gradient.norm(dim=0), change[:, SHARED + DEPTH].abs()
+        change[:, SHARED + EDGE], change[:, SHARED + RIMS] = slope, along
         has = has + own[SHARED + EDGE] * slope + own[SHARED + RIMS] * along
-        shown = at.new_tensor(layer.air)
-        # bare wall says nothing: the CT's noise and the density of bone would be taken for a pattern there
-        weight = at.new_tensor(layer.weight) * 4 * shown * (1 - shown)
-        parts.append((shown.flatten(), weight.flatten(), has.flatten(), change.flatten(0, 1)))
+        parts.append((shown, weight, has, change))
     return _Compared(*(torch.cat(one) for one in zip(*parts, strict=True)))
 
 

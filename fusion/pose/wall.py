@@ -18,6 +18,7 @@ Each side has these of its own:
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -59,10 +60,10 @@ def directions(tilt_rad: torch.Tensor) -> torch.Tensor:
     return axes
 
 
-def directions_by_tilt(tilt_rad: torch.Tensor) -> torch.Tensor:
-    """Return the derivative (3, 3, 2) of :func:`directions` by the rotation vector (2,)."""
+def _directions_by_tilt(tilt_rad: torch.Tensor, axes: torch.Tensor) -> torch.Tensor:
+    """Return the derivative (3, 3, 2) of the ``axes``, :func:`directions`, by the rotation vector (2,)."""
     turning = So3.hat(So3.left_jacobian(_rotation_vector(tilt_rad))[0].T)[:2]
-    return (turning @ directions(tilt_rad)).permute(1, 2, 0)
+    return (turning @ axes).permute(1, 2, 0)
 
 
 def _rotation_vector(tilt_rad: torch.Tensor) -> torch.Tensor:
@@ -85,21 +86,28 @@ def twist_along(side: Observation, of_side: torch.Tensor, z_mm: torch.Tensor) ->
 
 
 def wall_places(
-    side: Observation, sense: Sense, pivot_mm: float, parameters: torch.Tensor, behind_mm: float
+    side: Observation,
+    sense: Sense,
+    pivot_mm: float,
+    parameters: torch.Tensor,
+    behind_mm: float,
+    samples: tuple[np.ndarray[Any, Any], ...] | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return the places of a side's samples ``behind_mm`` the wall and their derivatives.
 
     ``parameters`` (SHARED + OF_SIDE,) are those shared, then the side's. ``pivot_mm`` is half the plan's length.
-    Returns float64 (n_z, n_theta, 3) in the plan's bore frame, and (n_z, n_theta, 3, SHARED + OF_SIDE).
+    ``samples`` are rows and columns that are broadcast together, all of them (n_z, n_theta) by default.
+    Returns float64 (…, 3) in the plan's bore frame, and (…, 3, SHARED + OF_SIDE).
     """
     shared, of_side = parameters[:SHARED], parameters[SHARED:]
-    n_theta = side.layers[0].air.shape[1]
-    z = parameters.new_tensor(side.z_mm)
-    theta = parameters.new_tensor(2 * np.pi / n_theta * np.arange(n_theta))
+    n_z, n_theta = side.layers[0].air.shape
+    rows, columns = samples or np.ogrid[:n_z, :n_theta]
+    z = parameters.new_tensor(side.z_mm[rows])
+    theta = parameters.new_tensor(2 * np.pi / n_theta * columns)
     twists = _waves(side, z, range(1, TWISTS + 1))
-    angle = (sense.turning * theta + of_side[TURN] + twist_along(side, of_side, z)[:, None])[..., None]
+    angle = (sense.turning * theta + of_side[TURN] + twist_along(side, of_side, z))[..., None]
     radius = side.radius_mm + of_side[RADIUS] + behind_mm
-    from_pivot = (along_axis(side, sense, of_side, z) - pivot_mm)[:, None, None].expand(-1, n_theta, 1)
+    from_pivot = (along_axis(side, sense, of_side, z) - pivot_mm)[..., None].expand(angle.shape)
     local = torch.cat([radius * torch.cos(angle), radius * torch.sin(angle), from_pivot], dim=-1)
     axes = directions(shared[2:])
     across = torch.cat([torch.cos(angle), torch.sin(angle)], dim=-1) @ axes[:, :2].T
@@ -110,20 +118,19 @@ def wall_places(
     moved = places.new_zeros(*places.shape, SHARED + OF_SIDE)
     moved[..., 0, 0] = 1
     moved[..., 1, 1] = 1
-    by_tilt = directions_by_tilt(shared[2:])
-    moved[..., 2:4] = torch.einsum("ztj,ijk->ztik", local, by_tilt)
+    moved[..., 2:4] = torch.einsum("...j,ijk->...ik", local, _directions_by_tilt(shared[2:], axes))
     own = moved[..., SHARED:]
     own[..., DEPTH] = axes[:, 2]
     own[..., TURN] = around
-    own[..., SCALE] = (sense.inward * (z - side.middle_mm))[:, None, None] * axes[:, 2]
+    own[..., SCALE] = (sense.inward * (z - side.middle_mm))[..., None] * axes[:, 2]
     own[..., RADIUS] = across
-    own[..., FIRST_TWIST:FIRST_STRETCH] = around[..., None] * twists[:, None, None]
+    own[..., FIRST_TWIST:FIRST_STRETCH] = around[..., None] * twists[..., None, :]
     stretches = _waves(side, z, range(2, STRETCHES + 2))
-    own[..., FIRST_STRETCH:] = axes[:, 2][:, None] * stretches[:, None, None]
+    own[..., FIRST_STRETCH:] = axes[:, 2][:, None] * stretches[..., None, :]
     return places, moved
 
 
 def _waves(side: Observation, z_mm: torch.Tensor, orders: range) -> torch.Tensor:
-    """Return cosines over the length of a side, (n_z, len(orders)), of which any slow course is made."""
+    """Return cosines over the length of a side, (…, len(orders)), of which any slow course is made."""
     share = (z_mm - side.middle_mm) / max(side.length_mm, 1e-9) + 0.5
     return torch.stack([torch.cos(np.pi * order * share) for order in orders], dim=-1)

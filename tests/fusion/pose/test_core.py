@@ -9,7 +9,7 @@ import torch
 from endoct.fusion.pose import finding
 from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.finding import SidePose, answer, find_alone
-from endoct.fusion.pose.fit import ALIKE, _together
+from endoct.fusion.pose.fit import ALIKE, _together, fit_pose
 from endoct.fusion.pose.observation import Layer, Observation
 from endoct.fusion.pose.pose import BorePose
 from endoct.fusion.pose.search import (
@@ -21,7 +21,7 @@ from endoct.fusion.pose.search import (
     shuffled_patterns,
     turned_patterns,
 )
-from endoct.fusion.pose.wall import OF_SIDE, SHARED, TURN, Sense, wall_places
+from endoct.fusion.pose.wall import FREE, OF_SIDE, SHARED, TURN, Sense, wall_places
 from endoct.modalities.ct.trajectory import Trajectory
 
 LENGTH_MM, RADIUS_MM = 16.0, 1.25
@@ -64,6 +64,21 @@ def test_places_move_as_their_derivatives_say(sense: Sense) -> None:
         step[number] = 1e-5
         ahead, behind = (wall_places(side, sense, LENGTH_MM / 2, at + sign * step, 0.3)[0] for sign in (1, -1))
         torch.testing.assert_close((ahead - behind) / 2e-5, moved[..., number], rtol=1e-6, atol=1e-6)
+
+
+def test_some_samples_lie_where_they_do_on_the_whole_wall() -> None:
+    side, at = a_side(), torch.tensor(np.random.default_rng(4).normal(size=SHARED + OF_SIDE) * 0.02)
+    rows, columns = np.array([0, 17, 60, 17]), np.array([63, 0, 31, 63])
+    whole = wall_places(side, Sense(-1, -1), LENGTH_MM / 2, at, 0.3)
+    some = wall_places(side, Sense(-1, -1), LENGTH_MM / 2, at, 0.3, (rows, columns))
+    for all_of_them, few in zip(whole, some, strict=True):
+        torch.testing.assert_close(few, all_of_them[rows, columns])
+
+
+def test_a_bare_wall_leaves_all_open() -> None:
+    fit = fit_pose(a_bone(1), [a_side()], [Sense()], torch.zeros(SHARED + OF_SIDE, dtype=torch.float64))
+    assert not fit.parameters.any()
+    assert np.sqrt(np.diag(fit.covariance))[: SHARED + TURN + 1] == pytest.approx(FREE, rel=1e-3)
 
 
 def test_a_pattern_is_found_where_it_was_cut_out_across_the_seam() -> None:
