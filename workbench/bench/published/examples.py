@@ -44,7 +44,7 @@ class Examples:
     specimen, so give a ``DataLoader`` ``batch_size=None``, or cut pieces of one size.
 
     - segmentation: ``intensity``, ``depth_mm`` f32 (0 of a side without depth), ``has_depth``, ``valid``, and the truth
-      ``cell`` bool, all (z, θ);
+      ``cell`` bool, all (z, θ), with rows at ``z_mm`` and columns from θ = 0 on;
     - stitching: ``strips`` f32 and ``valid`` (strip, row, column), ``pitch_mm``, and the true ``z_mm``, ``roll_rad``;
     - oct: ``recording`` (slice, depth, A-scan) as recorded; of each slice the true ``start_angle_rad``,
       ``turn_length``, ``rotation_error_cos_rad``, ``rotation_error_sin_rad`` and ``z_mm``; and of the true wall
@@ -89,6 +89,7 @@ def _side(panorama: Panorama, prefix: str = "") -> Arrays:
         f"{prefix}depth_mm": np.zeros_like(panorama.intensity) if depth is None else depth,
         f"{prefix}has_depth": np.array(depth is not None),
         f"{prefix}valid": panorama.valid,
+        f"{prefix}z_mm": panorama.z_mm,
     }
 
 

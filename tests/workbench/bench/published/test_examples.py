@@ -37,6 +37,8 @@ def test_segmentation_has_the_truth_on_the_panoramas_samples(made_set: Path) -> 
         shapes = {example[name].shape for name in ("intensity", "depth_mm", "valid", "cell")}
         assert len(shapes) == 1
         assert example["cell"].dtype == bool
+        assert example["z_mm"].shape == example["cell"].shape[:1]
+        assert np.all(np.diff(example["z_mm"]) > 0)
         assert bool(example["has_depth"]) == bool(np.any(example["depth_mm"]))
         sides.add(str(example["name"]).split("/")[1])
     assert sides == {"oct", "endoscope"}
