@@ -13,17 +13,16 @@ HEAD = """<!-- Made by python docs/parameters.py from endoct.synthetic.sample.pa
 # What the simulator draws
 
 Every specimen draws these parameters from its seed, uniformly within "drawn from", or within the range of its preset.
-Any of them can be drawn from another range; where it cannot be that one, the message says what it may be:
+To draw some from another range:
 
     endoct dataset --vary oct.wall_db=6..14 --vary 'oct.scan=step|helical' …
 
-`truth/sample.json` has what was drawn, and what follows from it: every cell, speck of dirt and place of a frame. The
-models in `endoct.synthetic.sample.parameters` describe these fields.
+`truth/sample.json` has what was drawn, and what follows from it: every cell, speck of dirt and place of a frame
+(`endoct.synthetic.sample.parameters` describes these fields).
 
-Units are in the names. Where a number comes from stands in brackets; where nothing stands, it was chosen for
-plausibility.
+Units are in the names. Brackets say where a number comes from; without them, it is merely plausible.
 
-- "required": every preset must be at least this hard, so that nobody chooses an easy test for himself
+- "required": every preset must be at least this hard
 - "typical": the usual value of such an instrument
 - "rig": the measured OCT rig
 - "paper": Laves et al. 2019

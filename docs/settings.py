@@ -37,12 +37,16 @@ PARTS: dict[str, type[BaseModel]] = {
 }
 MIDDLE = """## Another method
 
-Any method that `endoct bench segmentation`, `alignment` or `stitching` [ranks](../how-to/bench.md) can replace endoct's
-own, by `segmentation_method`, `alignment_method` or `feed_method`:
+Any method that `endoct bench segmentation`, `alignment` or `stitching` [ranks](../how-to/bench.md),
+[yours](../how-to/bench.md#add-a-method) among them, can replace endoct's own. A doubt names it, since endoct cannot
+judge it.
 
     endoct compare specimen/endoscope specimen/oct -o other --set segmentation_method=otsu-prepared
+    endoct compare specimen/endoscope specimen/oct -o other --set alignment_method=opencv-ecc
+    endoct unroll specimen/endoscope -o other.zarr --set feed_method=opencv-ecc-prepared
 
-So can [a method of yours](../how-to/bench.md#add-a-method). A doubt names it, since endoct cannot judge it.
+`feed_method`, which `compare` takes by `--set-a` or `--set-b`, gets the strips of even light, with z counted outward in
+the image, and the nominal pitch, which the sidecar must give.
 
 ## A setting that raises the score
 

@@ -66,7 +66,7 @@ def list_tasks() -> tuple[Facts, Lines]:
 def describe_task(name: str) -> tuple[Facts, Lines]:
     """Return one task's signature, conditions, scores and methods, as facts and for people."""
     task = load_task(name)
-    lines: Lines = [f"{task.name}: {task.title}", f"a method: {task.signature}", ""]
+    lines: Lines = [f"{task.name}: {task.title}", *f"a method: {task.signature}".splitlines(), ""]
     for title, entries in (
         ("condition", {key: range_text(range_) for key, range_ in task.ranges.items()}),
         ("only on request", {key: range_text(range_) for key, range_ in task.optional.items()}),

@@ -87,6 +87,8 @@ def test_the_command_line_lists_describes_and_refuses(
     assert status == 0
     assert "signal_db" in text
     assert "otsu" in text
+    _, text = said("speed", "--describe")
+    assert "\nDoes work.job" in text  # a line of its own
     status, text = said("segmentation", "--methods", "otsuu")
     assert status == 1
     assert "'otsu'" in text
