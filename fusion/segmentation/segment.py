@@ -132,8 +132,8 @@ def doubts_of_cells(shares: Believability) -> Iterator[Doubt]:
     """Yield why what was segmented is not to be trusted as cells."""
     if shares.noise > MOST_NOISE:
         what = (
-            f"What was taken for cells may be noise: {shares.noise:.0%} as many samples lie as far in front of the "
-            "wall, where nothing can be."
+            f"What was taken for cells may be noise: for 100 samples of it {100 * shares.noise:.0f} lie as far in "
+            "front of the wall, where nothing can be."
         )
         yield Doubt("cells-in-noise", what, value=shares.noise, unit="1", expected=(0.0, MOST_NOISE))
     yield from doubts_of_share(shares.cells)
