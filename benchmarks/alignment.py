@@ -15,16 +15,11 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.stats import spearmanr
 
-from benchmarks.independent.judge import Wall, measured_place
-from benchmarks.independent.pair import make_pair, write_pair
-from benchmarks.independent.sets import recipe_of
-from benchmarks.independent.truth import between
+from benchmarks.pairs import recorded
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import compare_panoramas, compare_placed, place_sides
@@ -32,9 +27,6 @@ from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.parameters import CompareParameters
 from endoct.stitching.panorama import Panorama
-from endoct.synthetic.sample.presets import PRESETS
-from endoct.workbench import simulate, unroll
-from endoct.workbench.pipeline.truth import TrueMap, load_truth, true_pose
 
 DRIFTS = "roll", "rollstep", "feedstep", "lost", "doubled"
 """A catheter slips smoothly, or at once, by up to 15°; a feed is 1–8 % off from a place on; slices are lost or doubled.
@@ -55,27 +47,6 @@ class Aligned:
     stated: Coordinates | None = None
     rigid: Coordinates | None = None
     cost: tuple[float, float] | None = None
-
-
-def panoramas_of(name: str, seed: int) -> tuple[Panorama, Panorama, Alignment]:
-    """Return both panoramas of a specimen, and where the second truly lies on the first."""
-    with TemporaryDirectory() as scratch:
-        folder = Path(scratch) / "specimen"
-        if name in PRESETS:
-            simulate(folder, preset=name, seed=seed, progress=False)  # type: ignore[arg-type]
-            a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
-            truth = load_truth(folder)
-            true = TrueMap(a.grid.z_mm, true_pose(a, truth), true_pose(b, truth))
-            known = np.isfinite(true.z_to_a(b.grid.z_mm))
-            slope, shift_mm = np.polyfit(b.grid.z_mm[known], true.z_to_a(b.grid.z_mm)[known], 1)
-            turn_rad = float(np.mod(true.theta_to_a(0.0), 2 * np.pi))
-            return a, b, Alignment(turn_rad, float(shift_mm), abs(float(slope)), true.mirrored, bool(slope < 0))
-        pair = make_pair(recipe_of(name, seed), seed)
-        write_pair(pair, folder)
-        a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
-        wall = Wall(a.intensity, np.zeros(a.grid.shape, np.bool_), a.valid, a.grid.z_mm, a.grid.theta_rad)
-        place = between(measured_place(pair.bore, wall, pair.endoscope_place)[0], pair.oct_place)
-        return a, b, Alignment(place.theta_rad, place.z_mm, place.scale, place.mirrored, place.reversed)
 
 
 def drifted(panorama: Panorama, drift: str, random: np.random.Generator) -> tuple[Panorama, Coordinates, Coordinates]:
@@ -111,7 +82,8 @@ def drifted(panorama: Panorama, drift: str, random: np.random.Generator) -> tupl
 def aligned(job: tuple[str, int], *, drift: bool) -> tuple[str, Aligned]:
     """Return the name of the set, and how far off a comparison places its OCT."""
     name, seed = job
-    a, b, truth = panoramas_of(name, seed)
+    pair = recorded(name, seed)
+    a, b, truth = pair.a, pair.b, pair.lies
     kind, z_mm, turn_rad = "", b.grid.z_mm, np.zeros(b.grid.n_z)
     before = nan
     if drift:

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from benchmarks.wall import recorded
+from benchmarks.pairs import recorded
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian
@@ -119,8 +119,8 @@ def made(into: Path, case: tuple[str, int]) -> str:
     """Make, compare and keep a specimen; say how that ended."""
     path = into / f"{case[0]}-{case[1]}.json"
     if not path.exists():
-        a, b, cell, _ = recorded(*case)
-        path.write_text(json.dumps(row_of(a, b, cell, *case)))
+        pair = recorded(*case)
+        path.write_text(json.dumps(row_of(pair.a, pair.b, pair.cell, *case)))
     row = json.loads(path.read_text())
     return f"{path.stem}: {row.get('without') or row['truth']}"
 

@@ -17,29 +17,22 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.independent.judge import Wall as JudgedWall
-from benchmarks.independent.judge import measured_place
-from benchmarks.independent.pair import make_pair, write_pair
-from benchmarks.independent.sets import recipe_of
-from benchmarks.wall_rivals import joined, kriged
+from benchmarks.pairs import RecordedPair, recorded
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.side_cells import doubts_of_side
 from endoct.fusion.wall.both_sides import BothSides, both_sides_of, cell_features
 from endoct.fusion.wall.wall import BY_BOTH, BY_DEPTH, BY_LIGHT, depth_features, known_depth, wall_from
-from endoct.stitching.panorama import Panorama
-from endoct.synthetic.sample.presets import PRESETS
-from endoct.workbench import simulate, unroll
-from endoct.workbench.pipeline.truth import load_truth, true_cells, true_pose, true_relief
+from endoct.workbench.bench.task import Case, load_method, method_names
+from endoct.workbench.bench.tasks.depth import Depths
+from endoct.workbench.bench.tasks.wall import TASK, ShownPair
 
 EPOCHS, BATCH, RATE = 20, 2048, 3e-3
 WIDTHS = {"cell": 32, "depth": 64}
@@ -51,10 +44,7 @@ REACHED_MM = 0.7
 """Deeper floors often lie beyond what OCT reaches."""
 DECIDED = ((BY_LIGHT, "light"), (BY_DEPTH, "depth"), (BY_BOTH, "both"))
 SMALLER_BY = 0.01
-RIVALS = (
-    "better side", "believed", "endoscope", "OCT", "union", "intersection", "mean of distances", "STAPLE",
-    "OCT, linear", "OCT, kriged",
-)  # fmt: skip
+OURS = "endoct"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,10 +62,11 @@ class Known:
     relief_mm: Image
 
 
-def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, seed: int) -> Known | None:
-    """Return two panoramas placed, with the truth on the samples of ``a``; None where they are not aligned."""
+def known_of(pair: RecordedPair, name: str, seed: int) -> Known | None:
+    """Return a pair placed, with the truth on the same grid; None where it is not aligned."""
+    cell, relief_mm = pair.cell, pair.relief_mm
     try:
-        placed = place_sides(*two_sides(a, b), CompareParameters())
+        placed = place_sides(*two_sides(pair.a, pair.b), CompareParameters())
     except EndoctError:
         return None
     if (sides := both_sides_of(placed)) is None:
@@ -87,35 +78,12 @@ def known_of(a: Panorama, b: Panorama, cell: Mask, relief_mm: Image, name: str, 
     return Known(name, seed, sides, believed, true, onto.known(relief_mm, np.isfinite(relief_mm)))
 
 
-def recorded(name: str, seed: int) -> tuple[Panorama, Panorama, Mask, Image]:
-    """Make a specimen; return both sides unrolled, with the true cells and relief on the samples of the first."""
-    with TemporaryDirectory() as scratch:
-        folder = Path(scratch) / "specimen"
-        if name in PRESETS:
-            simulate(folder, preset=name, seed=seed, progress=False)  # type: ignore[arg-type]
-        else:
-            pair = make_pair(recipe_of(name, seed), seed)
-            write_pair(pair, folder)
-        a, b = (unroll(folder / side, progress=False) for side in ("endoscope", "oct"))
-        if name in PRESETS:
-            truth = load_truth(folder)
-            pose = true_pose(a, truth)
-            return a, b, true_cells(truth, pose, a), true_relief(truth, pose, a)
-    grid = a.grid
-    empty = np.zeros(grid.shape, np.bool_)
-    wall = JudgedWall(a.intensity, empty, a.valid, grid.z_mm, grid.theta_rad)
-    place, _ = measured_place(pair.bore, wall, pair.endoscope_place)
-    theta, z = np.broadcast_arrays(*place.to_bore(grid.theta_rad[None, :], grid.z_mm[:, None]))
-    relief_mm = np.asarray(pair.bore.at(pair.bore.relief_mm, theta, z), np.float32)
-    return a, b, pair.bore.is_cell(theta, z), relief_mm
-
-
 def made(name: str, seed: int, into: Path) -> str:
     """Make, place and keep a specimen; say how that ended."""
     path = into / f"{name}-{seed}.pkl"
     if path.exists():
         return f"{path.name} is there"
-    known = known_of(*recorded(name, seed), name, seed)
+    known = known_of(recorded(name, seed), name, seed)
     if known is None:
         return f"{path.name}: not aligned"
     keep(known, path)
@@ -204,12 +172,13 @@ Row = dict[str, float]
 
 
 def judged(known: Known) -> Row:
-    """Return what the wall and its rivals come to on a specimen, where both sides observed it."""
+    """Return what the wall and the methods of the bench's task come to on a specimen, and how its errors hold."""
     sides, wall = known.sides, wall_from(known.sides)
+    case = Case("", ShownPair(sides, sides.darkness, known.believed), Depths(known.relief_mm, known.cell), {})
+    answers = {name: load_method(TASK, name)(case.given) for name in method_names(TASK)}
+    row = {name: TASK.judge(case, answer)["jaccard"] for name, answer in answers.items()}
+    row["better side"] = max(row["endoscope"], row["oct"])
     both = sides.observed[0] & sides.observed[1] & np.isfinite(known.relief_mm)
-    masks = {"wall": wall.cells, **joined(sides, known.believed)}
-    row = {name: jaccard(mask & both, known.cell & both, both) or 0.0 for name, mask in masks.items()}
-    row["better side"] = max(row["endoscope"], row["OCT"])
     wrong = wall.cells != known.cell
     stated = np.minimum(wall.probability, 1 - wall.probability)
     for low, high in DOUBTS:
@@ -223,7 +192,7 @@ def judged(known: Known) -> Row:
     row["volume"] = float(
         wall.relief_mm[wall.cells & both & np.isfinite(wall.relief_mm)].sum() / known.relief_mm[known.cell & both].sum()
     )
-    depths = {"linear": sides.relief_mm, "kriged": kriged(sides.rows.relief_mm, sides.rows, sides.grid)}
+    depths = {"linear": sides.relief_mm, "kriged": answers["oct-kriged"].relief_mm}
     parts = {
         f"{low:g}–{high:g}": right & (known.relief_mm > low) & (known.relief_mm < high)
         for low, high in (*DEPTHS_MM, (0.0, REACHED_MM), (0.0, 9.0))
@@ -244,8 +213,9 @@ def table(rows: Sequence[tuple[str, Row]]) -> Iterator[str]:
     """Yield, by set, medians, means and the worst of cells, the rivals that the wall loses to first; then of depths."""
     for name in dict.fromkeys(of for of, _ in rows):
         mine = [row for of, row in rows if of == name]
-        wall = np.array([row["wall"] for row in mine])
-        rivals = {key: np.array([row[key] for row in mine]) for key in mine[0] if key in RIVALS}
+        wall = np.array([row[OURS] for row in mine])
+        names = {"better side", *method_names(TASK)} - {OURS}
+        rivals = {key: np.array([row[key] for row in mine]) for key in names}
         of_wall = f"{np.median(wall):.3f} (mean {wall.mean():.3f}, worst {wall.min():.3f})"
         yield f"{name}: {len(mine)} aligned; wall {of_wall}"
         for key, v in sorted(rivals.items(), key=lambda of: float(np.median(wall - of[1]))):

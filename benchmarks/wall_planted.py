@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.wall import recorded
+from benchmarks.pairs import recorded
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.regions import label
@@ -161,7 +161,8 @@ def main() -> None:
     n_planted, n_found, n_false, n_plain, n_pairs = dict.fromkeys(KINDS, 0), dict.fromkeys(KINDS, 0), 0, 0, 0
     n_short, n_said = 0, 0
     for name, seed in cases(parser.parse_args().sets):
-        a, b, _, _ = recorded(name, seed)
+        pair = recorded(name, seed)
+        a, b = pair.a, pair.b
         plain = place_sides(*two_sides(a, b), CompareParameters())
         if plain.outcome.alignment is None:
             continue

@@ -120,7 +120,7 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
     roughly = (rough.place or (rough.best if parameters.force else None)) if alone else laid(None)[0].alignment
     cells = segment_sides(a, b, roughly, parameters, parameters.polarity)
     outcome, by_hand, doubts = laid((evidence_of(a, cells[0]), evidence_of(b, cells[1])))
-    placed = _on_one_grid((a, b), cells, outcome, parameters)
+    placed = on_one_grid((a, b), cells, outcome, parameters)
     return replace(placed, by_hand=by_hand, doubts=doubts, notes={b.name: note} if note else {})
 
 
@@ -131,15 +131,16 @@ def compare_placed(
     parameters: CompareParameters,
 ) -> Comparison:
     """Compare two sides by their ``cells``; it is known how B lies in A's frame, so nothing is searched for."""
-    return score_placed(_on_one_grid(both, cells, SearchOutcome(alignment), parameters), parameters)
+    return score_placed(on_one_grid(both, cells, SearchOutcome(alignment), parameters), parameters)
 
 
-def _on_one_grid(
+def on_one_grid(
     both: tuple[Side, Side],
     cells: tuple[Segmentation, Segmentation],
     outcome: SearchOutcome,
     parameters: CompareParameters,
 ) -> Placed:
+    """Return two sides with their ``cells`` on one grid, B where the ``outcome`` of a search says that it lies."""
     samplings = Sampling(both[0].grid, IN_PLACE), Sampling(both[1].grid, outcome.alignment or IN_PLACE)
     grid = common_grid(*samplings, dz_mm=parameters.dz_mm, n_theta=parameters.n_theta)
     sides = place(both[0], cells[0], samplings[0], grid), place(both[1], cells[1], samplings[1], grid)

@@ -4,7 +4,7 @@ from endoct.workbench.bench.published.definition import Definition, Difficulty, 
 from endoct.workbench.bench.published.specimen_set import Entry
 from endoct.workbench.bench.published.submission import Scored, Submission
 
-TASKS = ("segmentation", "stitching", "oct", "alignment", "depth")
+TASKS = ("segmentation", "stitching", "oct", "alignment", "depth", "wall")
 
 
 def tiny(count: int = 1) -> Definition:

@@ -14,6 +14,7 @@ from endoct.base.files.json_values import number, read_object
 from endoct.base.numeric.circle import wrap_rad
 from endoct.base.zarr.zarr_store import read_arrays, read_attributes
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment
@@ -85,6 +86,14 @@ class TrueMap:
         """Return θ in A's frame, rad."""
         in_bore = self.pose_b.theta_bore(np.asarray(theta_b_rad, dtype=np.float64))
         return np.asarray((in_bore - self.pose_a.theta0_rad) * self.pose_a.sense)
+
+    def alignment(self, z_b_mm: Coordinates) -> Alignment:
+        """Return the alignment of B, with rows at ``z_b_mm``, that is nearest to where these lie."""
+        z_a_mm = self.z_to_a(z_b_mm)
+        known = np.isfinite(z_a_mm)
+        slope, shift_mm = np.polyfit(z_b_mm[known], z_a_mm[known], 1)
+        turn_rad = float(np.mod(self.theta_to_a(0.0), 2 * np.pi))
+        return Alignment(turn_rad, float(shift_mm), abs(float(slope)), self.mirrored, bool(slope < 0))
 
 
 def load_truth(specimen: Path) -> Truth:

@@ -52,6 +52,7 @@ class Examples:
     - alignment: ``a_…`` and ``b_…`` as for segmentation, and where B truly lies: ``z_in_a_mm`` for each row of B, NaN
       where A does not reach, and ``theta_in_a_rad`` for each column;
     - depth: ``intensity`` and ``valid`` (z, θ), and the true ``relief_mm`` and ``cell``;
+    - wall: what both sides show on one grid, as a program gets it, and there ``true_relief_mm`` and ``true_cell``;
     - pose: ``SIDE_…`` as for segmentation, ``ct`` (k, j, i), ``ct_to_lps`` (4, 4) of its index, ``plan_mm`` (2, 3), and
       the true ``bore_to_lps`` (4, 4) and ``length_mm``.
 
@@ -151,6 +152,7 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
     "oct": _oct,
     "alignment": _alignment,
     "depth": _depth,
+    "wall": lambda case: {**case.given.arrays(), **{f"true_{name}": of for name, of in vars(case.truth).items()}},
     "pose": _pose,
 }
 

@@ -20,6 +20,7 @@ from endoct.workbench.bench.tasks.depth import Views
 from endoct.workbench.bench.tasks.oct import even
 from endoct.workbench.bench.tasks.pose import Located, LocatedSide
 from endoct.workbench.bench.tasks.stitching import StripPoses
+from endoct.workbench.bench.tasks.wall import JoinedWall, ShownPair
 
 
 def no_cells(panorama: Panorama) -> Mask:
@@ -30,6 +31,18 @@ def no_cells(panorama: Panorama) -> Mask:
 def all_cells(panorama: Panorama) -> Mask:
     """Return that everything is a cell."""
     return np.ones(panorama.grid.shape, np.bool_)
+
+
+def no_wall_cells(shown: ShownPair) -> JoinedWall:
+    """Return a wall without a cell."""
+    plain = np.zeros(shown.sides.grid.shape, np.float32)
+    return JoinedWall(plain > 0, plain)
+
+
+def all_wall_cells(shown: ShownPair) -> JoinedWall:
+    """Return one cell everywhere, of one depth."""
+    deep = np.full(shown.sides.grid.shape, TYPICAL_MM, np.float32)
+    return JoinedWall(deep > 0, deep)
 
 
 def in_place(a: Panorama, b: Panorama) -> Alignment:

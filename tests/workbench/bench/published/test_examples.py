@@ -140,3 +140,13 @@ def test_another_layout_and_an_output_that_exists_are_refused(made_set: Path, tm
     (tmp_path / "mine").mkdir()
     with pytest.raises(EndoctError, match="exists"):
         write_layout(made_set, tmp_path / "mine", "webdataset", stages=SilentStages())
+
+
+def test_the_wall_has_what_both_sides_show_and_the_truth(made_set: Path) -> None:
+    wall = Examples(made_set, "wall")[0]
+    shown = wall["endoscope_cells"] & wall["oct_observed"]
+    true = wall["true_cell"] & wall["endoscope_observed"] & wall["oct_observed"]
+    assert (shown & true).sum() > 0.5 * (shown | true).sum()
+    assert wall["rows_relief_mm"].shape == (wall["rows_z_mm"].size, true.shape[1])
+    assert np.nanmedian(wall["true_relief_mm"][true]) > 0.05
+    assert abs(np.nanmedian(wall["true_relief_mm"][~wall["true_cell"]])) < 0.01

@@ -1,41 +1,81 @@
-"""Plain ways to join both sides, or to fill the gaps between the rows of one: what the one wall is held against."""
+"""Rivals of the task "wall": plain ways to join both sides, or to fill the gaps between the rows of one."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
-from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, MeasuredRows
+from endoct.fusion.wall.both_sides import FARTHEST_MM, MeasuredRows
 from endoct.stitching.grid import SurfaceGrid
+from endoct.workbench.bench.tasks.wall import JoinedWall, ShownPair
 
 APART_MM, ACROSS = 0.05, 2
 """Kriging takes so many columns on either side, so far apart, of two rows on either side."""
 
 
-def joined(sides: BothSides, believed: int) -> dict[str, Mask]:
-    """Return the cells by every rival, by its name; ``believed`` is the side of which endoct doubts less."""
-    light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
-    sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
-    of_rows = (sides.rows.cells > 0.5).astype(np.float32)
-    return {
-        "endoscope": light,
-        "OCT": depth,
-        "believed": sides.cells[believed],
-        "union": light | depth,
-        "intersection": light & depth,
-        "mean of distances": sum(signed_distance(each, sample_mm, FARTHEST_MM) for each in (light, depth)) > 0,
-        "STAPLE": staple(light, depth, sides.observed[0] & sides.observed[1]),
-        "OCT, linear": linear(of_rows, sides.rows, sides.grid) > 0.5,
-        "OCT, kriged": kriged(of_rows, sides.rows, sides.grid) > 0.5,
-    }
+def endoscope(shown: ShownPair) -> JoinedWall:
+    """Return the endoscope's cells, and depth by parallax."""
+    return JoinedWall(_masks(shown)[0], shown.sides.parallax_mm)
 
 
-def staple(first: Mask, second: Mask, both: Mask) -> Mask:
+def oct_alone(shown: ShownPair) -> JoinedWall:
+    """Return the OCT's cells, and depth interpolated between its rows."""
+    return JoinedWall(_masks(shown)[1], shown.sides.relief_mm)
+
+
+def believed(shown: ShownPair) -> JoinedWall:
+    """Return the side of which endoct doubts less."""
+    return (oct_alone if shown.believed == shown.sides.depth_side else endoscope)(shown)
+
+
+def union(shown: ShownPair) -> JoinedWall:
+    """Return what either side shows."""
+    light, depth = _masks(shown)
+    return JoinedWall(light | depth, shown.sides.relief_mm)
+
+
+def intersection(shown: ShownPair) -> JoinedWall:
+    """Return what both sides show."""
+    light, depth = _masks(shown)
+    return JoinedWall(light & depth, shown.sides.relief_mm)
+
+
+def mean_of_distances(shown: ShownPair) -> JoinedWall:
+    """Return where the mean of the signed distances to both outlines is inside."""
+    sample_mm = shown.sides.grid.dz_mm, shown.sides.grid.dtheta_mm
+    inside_mm = sum(signed_distance(each, sample_mm, FARTHEST_MM) for each in _masks(shown))
+    return JoinedWall(np.asarray(inside_mm > 0), shown.sides.relief_mm)
+
+
+def staple(shown: ShownPair) -> JoinedWall:
     """Return what Warfield's STAPLE makes of two raters (Warfield 2004), by SimpleITK."""
     import SimpleITK as sitk
 
-    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in (first, second)]
-    return np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5)
+    both = shown.sides.observed[0] & shown.sides.observed[1]
+    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in _masks(shown)]
+    return JoinedWall(np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5), shown.sides.relief_mm)
+
+
+def oct_linear(shown: ShownPair) -> JoinedWall:
+    """Return the OCT alone, interpolated linearly between its rows."""
+    rows, grid = shown.sides.rows, shown.sides.grid
+    return JoinedWall(linear(_of_rows(shown), rows, grid) > 0.5, shown.sides.relief_mm)
+
+
+def oct_kriged(shown: ShownPair) -> JoinedWall:
+    """Return the OCT alone, kriged between its rows."""
+    rows, grid = shown.sides.rows, shown.sides.grid
+    return JoinedWall(kriged(_of_rows(shown), rows, grid) > 0.5, kriged(rows.relief_mm, rows, grid))
+
+
+def _masks(shown: ShownPair) -> tuple[Mask, Mask]:
+    """Return the cells of the endoscope and of the OCT."""
+    sides = shown.sides
+    return sides.cells[sides.light_side], sides.cells[sides.depth_side]
+
+
+def _of_rows(shown: ShownPair) -> Image:
+    return np.asarray(shown.sides.rows.cells > 0.5, np.float32)
 
 
 def linear(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:
