@@ -27,12 +27,11 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.segmentation.side_cells import doubts_of_side
 from endoct.fusion.wall.both_sides import BothSides, both_sides_of, cell_features
 from endoct.fusion.wall.wall import BY_BOTH, BY_DEPTH, BY_LIGHT, depth_features, known_depth, wall_from
 from endoct.workbench.bench.task import Case, load_method, method_names
 from endoct.workbench.bench.tasks.depth import Depths
-from endoct.workbench.bench.tasks.wall import TASK, ShownPair
+from endoct.workbench.bench.tasks.wall import TASK, ShownPair, believed_side
 
 EPOCHS, BATCH, RATE = 20, 2048, 3e-3
 WIDTHS = {"cell": 32, "depth": 64}
@@ -73,9 +72,7 @@ def known_of(pair: RecordedPair, name: str, seed: int) -> Known | None:
         return None
     onto = placed.samplings[0].onto(placed.grid)
     true, _ = onto.mask(cell, np.ones(cell.shape, np.bool_))
-    doubted = [len(doubts_of_side(*of)) for of in zip(placed.both, placed.cells, strict=True)]
-    believed = sides.depth_side if doubted[sides.depth_side] < doubted[sides.light_side] else sides.light_side
-    return Known(name, seed, sides, believed, true, onto.known(relief_mm, np.isfinite(relief_mm)))
+    return Known(name, seed, sides, believed_side(placed, sides), true, onto.known(relief_mm, np.isfinite(relief_mm)))
 
 
 def made(name: str, seed: int, into: Path) -> str:

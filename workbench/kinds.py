@@ -17,7 +17,7 @@ from endoct.base.files.contents import kind_of
 from endoct.base.files.files import exists
 from endoct.fusion.files.drawings import is_label_store
 from endoct.fusion.files.outlines import OUTLINE_SUFFIXES
-from endoct.fusion.files.store import COMPARISON_STORE
+from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, read_outline
 from endoct.modalities.acquisition import sidecar_path
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.ct.trajectory import is_plan
@@ -55,6 +55,16 @@ class PathKind:
 def is_comparison(path: Path) -> bool:
     """Say whether ``path`` is, or should be, a folder that `endoct compare` wrote."""
     return (path / COMPARISON_STORE).is_dir()
+
+
+def check_has_wall(path: Path) -> None:
+    """Raise :class:`EndoctError`, with the reason, where ``path`` is the one wall of a comparison that has none."""
+    if path.name == WALL_STORE and is_comparison(path.parent) and not exists(path):
+        raise EndoctError(
+            f"{path.parent} has no wall of both sides",
+            found=read_outline(path.parent / COMPARISON_STORE).result.reason or "",
+            expected="two aligned sides, of which one measures depth and the other sees light",
+        )
 
 
 def is_mask(path: Path) -> bool:
@@ -137,8 +147,9 @@ INPUTS = (PLAN, VOLUME, MASK, RECORDING)
 def output_at(path: Path) -> str | None:
     """Return which kind of output lies at ``path``, also one that has no row here; None where there is none.
 
-    Raises :class:`EndoctError` where the list of an output cannot be read.
+    Raises :class:`EndoctError` where the list of an output cannot be read, or a comparison has no wall to give.
     """
+    check_has_wall(path)
     outputs = (name for name, row in KINDS.items() if name not in INPUTS and row.is_at(path))
     return next(outputs, None) or kind_of(path)
 

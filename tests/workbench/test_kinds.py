@@ -9,6 +9,7 @@ from random import Random
 import cv2
 import numpy as np
 import pytest
+from mock_comparison import Kind, write_comparison
 from workbench_page import written
 
 from benchmarks.ct_faults.drawn import drawn, named_slices
@@ -143,6 +144,21 @@ def test_one_side_of_a_comparison_is_named_with_a_colon(study: Path) -> None:
         assert side_of_comparison(source).path == study / of
     with pytest.raises(EndoctError, match="has no such side; found ct; expected endoscope, oct"):
         side_of_comparison(Source(study / "comparison:ct", None, {}))
+
+
+def test_a_comparison_without_a_wall_says_why_it_has_none(tmp_path: Path) -> None:
+    write_comparison(tmp_path / "apart", Kind("endoscope", depth=False), Kind("oct"), aligned=False)
+    write_comparison(tmp_path / "pair", Kind("oct-1"), Kind("oct-2"))
+    for asked in (load, describe, open_for_export):
+        with pytest.raises(EndoctError, match=r"apart has no wall of both sides; found The best place is only"):
+            asked(tmp_path / "apart" / "wall.zarr")
+        with pytest.raises(EndoctError, match=r"pair has no wall of both sides; expected two aligned sides, of which"):
+            asked(tmp_path / "pair" / "wall.zarr")
+    for elsewhere in ("apart/other.zarr", "nowhere/wall.zarr"):
+        with pytest.raises(EndoctError, match="cannot be loaded; found no such file"):
+            load(tmp_path / elsewhere)
+    (tmp_path / "pair" / "wall.zarr").mkdir()
+    assert output_at(tmp_path / "pair" / "wall.zarr") is None
 
 
 def test_what_it_says_of_itself_is_its_kind(study: Path) -> None:

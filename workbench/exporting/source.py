@@ -22,7 +22,7 @@ from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import is_panorama
 from endoct.stitching.store import read_outline as read_panorama
 from endoct.workbench.exporting.image_layers import Ids, ImageLayer, LabelLayer, even_rows, lies_evenly
-from endoct.workbench.kinds import is_comparison
+from endoct.workbench.kinds import check_has_wall, is_comparison
 
 ExportableKind = Literal["panorama", "comparison", "truth"]
 TRUTH = "truth"
@@ -81,6 +81,7 @@ def open_for_export(path: Path) -> Exportable:
     for folder in (path / "truth", path, path.parent):
         if (folder / "wall.zarr").is_dir() and (folder == path.parent) == (path.name == "wall.zarr"):
             return _truth(path, folder / "wall.zarr")
+    check_has_wall(path)
     raise EndoctError(
         f"{path} cannot be exported",
         found="neither a panorama, a comparison nor a truth" if path.exists() else "no such file or folder",

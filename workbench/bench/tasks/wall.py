@@ -21,6 +21,7 @@ from endoct.fusion.geometry.alignment import SearchOutcome
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.segmentation.side_cells import doubts_of_side, segment_sides
+from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import BothSides, both_sides_of
 from endoct.fusion.wall.wall import wall_from
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated
@@ -93,14 +94,18 @@ def case_of(specimen: Path) -> WallCase:
     placed = on_one_grid(both, cells, SearchOutcome(lies), parameters)
     if (sides := both_sides_of(placed)) is None:
         raise EndoctError(f"{specimen} holds no pair for a wall", expected="an endoscope, and an OCT with depth")
-    doubted = [len(doubts_of_side(*of)) for of in zip(both, cells, strict=True)]
-    believed = sides.depth_side if doubted[sides.depth_side] < doubted[sides.light_side] else sides.light_side
     onto = placed.samplings[0].onto(placed.grid)
     everywhere = np.ones(a.grid.shape, np.bool_)
     cell, _ = onto.mask(true_cells(truth, pose, a), everywhere)
     true = Depths(onto.known(true_relief(truth, pose, a), everywhere), cell)
-    shown = ShownPair(sides, placed.sides[sides.light_side].intensity, believed)
+    shown = ShownPair(sides, placed.sides[sides.light_side].intensity, believed_side(placed, sides))
     return Case(specimen.name, shown, true, {"specimen": specimen.name})
+
+
+def believed_side(placed: Placed, sides: BothSides) -> int:
+    """Return the side of which endoct doubts less, by its place; the one with light where it doubts both alike."""
+    doubted = [len(doubts_of_side(*of)) for of in zip(placed.both, placed.cells, strict=True)]
+    return sides.depth_side if doubted[sides.depth_side] < doubted[sides.light_side] else sides.light_side
 
 
 def judge(case: WallCase, answer: JoinedWall) -> dict[str, float]:

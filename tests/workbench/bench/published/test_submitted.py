@@ -25,7 +25,7 @@ def checked(rows: list[Scored], names: str = "a", expected: str = "a") -> None:
 def test_what_was_published_is_believed(tmp_path: Path) -> None:
     boards = read_boards(PUBLISHED)
     assert {board.task: len(board.entrants[0].submission.specimens) for board in boards} == {
-        **dict.fromkeys(("oct", "segmentation", "alignment", "depth"), 12),
+        **dict.fromkeys(("oct", "segmentation", "alignment", "depth", "wall"), 12),
         "stitching": 6,
         "pose": 5,
     }

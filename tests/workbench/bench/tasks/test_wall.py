@@ -3,15 +3,18 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from wall_sides import GRID, disc, sides
 
 from endoct.base.errors import EndoctError
+from endoct.fusion.sides import Placed
 from endoct.workbench.bench.task import Case
 from endoct.workbench.bench.tasks.depth import Depths
-from endoct.workbench.bench.tasks.wall import TASK, JoinedWall, ShownPair, WallCase, case_of, judge, ours
+from endoct.workbench.bench.tasks.wall import TASK, JoinedWall, ShownPair, WallCase, believed_side, case_of, judge, ours
 
 CELL, LEFT = disc(2.5, 0.05, 0.4), np.broadcast_to(GRID.theta_rad < np.pi, GRID.shape)
 NONE = np.zeros(GRID.shape, np.bool_)
@@ -69,7 +72,10 @@ def test_what_lies_deeper_than_asked_for_is_no_error() -> None:
 def test_only_what_both_sides_observed_is_scored() -> None:
     made = case(observed=(LEFT, np.ones(GRID.shape, np.bool_)))
     assert judge(made, JoinedWall(CELL & LEFT))["jaccard"] == 1.0
-    assert judge(made, JoinedWall(CELL | ~LEFT))["jaccard"] == 1.0
+    deep = np.full(GRID.shape, np.float32(DEEP_MM))
+    beyond = judge(made, JoinedWall(CELL | ~LEFT, deep))
+    assert (beyond["jaccard"], beyond["depth_um"]) == (1.0, 0.0)
+    assert beyond["volume_off"] == pytest.approx(0, abs=1e-5)
     other = case(observed=(np.ones(GRID.shape, np.bool_), LEFT))
     assert judge(other, JoinedWall(CELL | ~LEFT))["jaccard"] == 1.0
     unknown = replace(made, truth=Depths(np.where(CELL, np.float32(np.nan), np.float32(0)), CELL))
@@ -113,6 +119,17 @@ def test_both_sides_of_a_specimen_lie_in_their_true_place(quick_specimen: Path) 
     relief_mm, both = made.truth.relief_mm, made.truth.cell & sides.observed[1]
     off = sides.relief_mm - relief_mm
     assert np.nanmedian(np.abs(off[both])) < 0.05
+
+
+@pytest.mark.parametrize(("doubts", "believed"), [((1, 0), 1), ((1, 1), 0), ((0, 2), 0)])
+def test_the_side_with_fewer_doubts_is_believed_the_endoscope_of_two_alike(
+    doubts: tuple[int, int], believed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("endoct.workbench.bench.tasks.wall.doubts_of_side", lambda side, _: ["it is dim"] * side)
+    placed = cast(Placed, SimpleNamespace(both=doubts, cells=(None, None)))
+    assert believed_side(placed, sides(CELL, CELL)) == believed
+    turned = replace(sides(CELL, CELL), light_side=1, depth_side=0)
+    assert believed_side(placed, turned) == (1 if doubts[0] == doubts[1] else believed)
 
 
 def test_a_program_gets_both_sides_and_answers_with_depth_or_without(tmp_path: Path) -> None:
