@@ -62,8 +62,11 @@ class ShownPair:
 
 @dataclass(frozen=True, eq=False)
 class JoinedWall:
-    """What a method answers: ``cells``, bool (n_z, n_theta), and where it has one, ``relief_mm``, float32, NaN where
-    not known: how far the surface lies behind the bore's wall."""
+    """What a method answers, arrays (n_z, n_theta).
+
+    ``cells``: bool. ``relief_mm``: float32, how far the surface lies behind the bore's wall, NaN where that is not
+    known; None of a method that tells no depth.
+    """
 
     cells: Mask
     relief_mm: Image | None = None
