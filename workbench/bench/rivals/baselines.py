@@ -33,15 +33,15 @@ def all_cells(panorama: Panorama) -> Mask:
     return np.ones(panorama.grid.shape, np.bool_)
 
 
-def no_wall_cells(shown: ShownPair) -> JoinedWall:
+def no_wall_cells(pair: ShownPair) -> JoinedWall:
     """Return a wall without a cell."""
-    plain = np.zeros(shown.sides.grid.shape, np.float32)
+    plain = np.zeros(pair.sides.grid.shape, np.float32)
     return JoinedWall(plain > 0, plain)
 
 
-def all_wall_cells(shown: ShownPair) -> JoinedWall:
+def all_wall_cells(pair: ShownPair) -> JoinedWall:
     """Return one cell everywhere, of one depth."""
-    deep = np.full(shown.sides.grid.shape, TYPICAL_MM, np.float32)
+    deep = np.full(pair.sides.grid.shape, TYPICAL_MM, np.float32)
     return JoinedWall(deep > 0, deep)
 
 

@@ -13,69 +13,69 @@ APART_MM, ACROSS = 0.05, 2
 """Kriging takes so many columns on either side, so far apart, of two rows on either side."""
 
 
-def endoscope(shown: ShownPair) -> JoinedWall:
+def endoscope(pair: ShownPair) -> JoinedWall:
     """Return the endoscope's cells, and depth by parallax."""
-    return JoinedWall(_masks(shown)[0], shown.sides.parallax_mm)
+    return JoinedWall(_masks(pair)[0], pair.sides.parallax_mm)
 
 
-def oct_alone(shown: ShownPair) -> JoinedWall:
+def oct_alone(pair: ShownPair) -> JoinedWall:
     """Return the OCT's cells, and depth interpolated between its rows."""
-    return JoinedWall(_masks(shown)[1], shown.sides.relief_mm)
+    return JoinedWall(_masks(pair)[1], pair.sides.relief_mm)
 
 
-def believed(shown: ShownPair) -> JoinedWall:
+def believed(pair: ShownPair) -> JoinedWall:
     """Return the side of which endoct doubts less."""
-    return (oct_alone if shown.believed == shown.sides.depth_side else endoscope)(shown)
+    return (oct_alone if pair.believed == pair.sides.depth_side else endoscope)(pair)
 
 
-def union(shown: ShownPair) -> JoinedWall:
+def union(pair: ShownPair) -> JoinedWall:
     """Return what either side shows."""
-    light, depth = _masks(shown)
-    return JoinedWall(light | depth, shown.sides.relief_mm)
+    light, depth = _masks(pair)
+    return JoinedWall(light | depth, pair.sides.relief_mm)
 
 
-def intersection(shown: ShownPair) -> JoinedWall:
+def intersection(pair: ShownPair) -> JoinedWall:
     """Return what both sides show."""
-    light, depth = _masks(shown)
-    return JoinedWall(light & depth, shown.sides.relief_mm)
+    light, depth = _masks(pair)
+    return JoinedWall(light & depth, pair.sides.relief_mm)
 
 
-def mean_of_distances(shown: ShownPair) -> JoinedWall:
+def mean_of_distances(pair: ShownPair) -> JoinedWall:
     """Return where the mean of the signed distances to both outlines is inside."""
-    sample_mm = shown.sides.grid.dz_mm, shown.sides.grid.dtheta_mm
-    inside_mm = sum(signed_distance(each, sample_mm, FARTHEST_MM) for each in _masks(shown))
-    return JoinedWall(np.asarray(inside_mm > 0), shown.sides.relief_mm)
+    sample_mm = pair.sides.grid.dz_mm, pair.sides.grid.dtheta_mm
+    inside_mm = sum(signed_distance(each, sample_mm, FARTHEST_MM) for each in _masks(pair))
+    return JoinedWall(np.asarray(inside_mm > 0), pair.sides.relief_mm)
 
 
-def staple(shown: ShownPair) -> JoinedWall:
+def staple(pair: ShownPair) -> JoinedWall:
     """Return what Warfield's STAPLE makes of two raters (Warfield 2004), by SimpleITK."""
     import SimpleITK as sitk
 
-    both = shown.sides.observed[0] & shown.sides.observed[1]
-    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in _masks(shown)]
-    return JoinedWall(np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5), shown.sides.relief_mm)
+    both = pair.sides.observed[0] & pair.sides.observed[1]
+    images = [sitk.GetImageFromArray((each & both).astype(np.uint8)) for each in _masks(pair)]
+    return JoinedWall(np.asarray(sitk.GetArrayFromImage(sitk.STAPLE(images, 1.0)) > 0.5), pair.sides.relief_mm)
 
 
-def oct_linear(shown: ShownPair) -> JoinedWall:
+def oct_linear(pair: ShownPair) -> JoinedWall:
     """Return the OCT alone, interpolated linearly between its rows."""
-    rows, grid = shown.sides.rows, shown.sides.grid
-    return JoinedWall(linear(_of_rows(shown), rows, grid) > 0.5, shown.sides.relief_mm)
+    rows, grid = pair.sides.rows, pair.sides.grid
+    return JoinedWall(linear(_of_rows(pair), rows, grid) > 0.5, pair.sides.relief_mm)
 
 
-def oct_kriged(shown: ShownPair) -> JoinedWall:
+def oct_kriged(pair: ShownPair) -> JoinedWall:
     """Return the OCT alone, kriged between its rows."""
-    rows, grid = shown.sides.rows, shown.sides.grid
-    return JoinedWall(kriged(_of_rows(shown), rows, grid) > 0.5, kriged(rows.relief_mm, rows, grid))
+    rows, grid = pair.sides.rows, pair.sides.grid
+    return JoinedWall(kriged(_of_rows(pair), rows, grid) > 0.5, kriged(rows.relief_mm, rows, grid))
 
 
-def _masks(shown: ShownPair) -> tuple[Mask, Mask]:
+def _masks(pair: ShownPair) -> tuple[Mask, Mask]:
     """Return the cells of the endoscope and of the OCT."""
-    sides = shown.sides
+    sides = pair.sides
     return sides.cells[sides.light_side], sides.cells[sides.depth_side]
 
 
-def _of_rows(shown: ShownPair) -> Image:
-    return np.asarray(shown.sides.rows.cells > 0.5, np.float32)
+def _of_rows(pair: ShownPair) -> Image:
+    return np.asarray(pair.sides.rows.cells > 0.5, np.float32)
 
 
 def linear(image: Image, rows: MeasuredRows, grid: SurfaceGrid) -> Image:

@@ -101,8 +101,8 @@ def case_of(specimen: Path) -> WallCase:
     everywhere = np.ones(a.grid.shape, np.bool_)
     cell, _ = onto.mask(true_cells(truth, pose, a), everywhere)
     true = Depths(onto.known(true_relief(truth, pose, a), everywhere), cell)
-    shown = ShownPair(sides, placed.sides[sides.light_side].intensity, believed_side(placed, sides))
-    return Case(specimen.name, shown, true, {"specimen": specimen.name})
+    pair = ShownPair(sides, placed.sides[sides.light_side].intensity, believed_side(placed, sides))
+    return Case(specimen.name, pair, true, {"specimen": specimen.name})
 
 
 def believed_side(placed: Placed, sides: BothSides) -> int:
@@ -117,40 +117,40 @@ def judge(case: WallCase, answer: JoinedWall) -> dict[str, float]:
     cells = np.asarray(answer.cells)
     if cells.shape != sides.grid.shape or cells.dtype != np.bool_:
         raise EndoctError("that is no mask", found=f"{cells.dtype} {cells.shape}", expected=f"bool {sides.grid.shape}")
-    seen = sides.observed[0] & sides.observed[1] & np.isfinite(true.relief_mm)
-    overlaps = [jaccard(mask, true.cell, seen) for mask in (cells, *sides.cells)]
+    judged = sides.observed[0] & sides.observed[1] & np.isfinite(true.relief_mm)
+    overlaps = [jaccard(mask, true.cell, judged) for mask in (cells, *sides.cells)]
     overlap, *alone = (1.0 if each is None else each for each in overlaps)  # no cell, and none answered
     scores = {SUCCESS: float(overlap >= GOOD_ENOUGH), "jaccard": overlap, "ahead": overlap - max(alone)}
-    return scores if answer.relief_mm is None else scores | _of_depth(np.asarray(answer.relief_mm), cells, true, seen)
+    return scores if answer.relief_mm is None else scores | _of_depth(np.asarray(answer.relief_mm), cells, true, judged)
 
 
-def _of_depth(relief_mm: NDArray[Any], cells: Mask, true: Depths, seen: Mask) -> dict[str, float]:
+def _of_depth(relief_mm: NDArray[Any], cells: Mask, true: Depths, judged: Mask) -> dict[str, float]:
     """Return how far depth in true cells and the volume of all are off; what is not known is the bore's wall."""
     if relief_mm.shape != cells.shape or relief_mm.dtype.kind != "f":
         raise EndoctError("that is no depth", found=f"{relief_mm.dtype} {relief_mm.shape}", expected=f"{cells.shape}")
     answered_mm = np.clip(np.nan_to_num(relief_mm), -DEEPEST_MM, DEEPEST_MM)
-    true_mm, cell = np.clip(true.relief_mm, -DEEPEST_MM, DEEPEST_MM), true.cell & seen
+    true_mm, cell = np.clip(true.relief_mm, -DEEPEST_MM, DEEPEST_MM), true.cell & judged
     if not cell.any():
         return {}
-    volume = float(answered_mm[cells & seen].sum() / true_mm[cell].sum())
+    volume = float(answered_mm[cells & judged].sum() / true_mm[cell].sum())
     return {"depth_um": float(1e3 * np.abs(answered_mm - true_mm)[cell].mean()), "volume_off": abs(volume - 1)}
 
 
-def ours(shown: ShownPair) -> JoinedWall:
+def ours(pair: ShownPair) -> JoinedWall:
     """Join both sides as `endoct compare` does."""
-    wall = wall_from(shown.sides)
+    wall = wall_from(pair.sides)
     return JoinedWall(wall.cells, wall.relief_mm)
 
 
-def _write_shown(shown: ShownPair, folder: Path) -> None:
-    grid, believed = shown.sides.grid, shown.believed == shown.sides.depth_side
+def _write_pair(pair: ShownPair, folder: Path) -> None:
+    grid, believed = pair.sides.grid, pair.believed == pair.sides.depth_side
     facts = {
         "z_mm": grid.z_mm.tolist(),
         "theta_rad": grid.theta_rad.tolist(),
         "radius_mm": grid.radius_mm,
         "believed": "oct" if believed else "endoscope",
     }
-    write_given(folder, facts, **shown.arrays())
+    write_given(folder, facts, **pair.arrays())
 
 
 def _write_wall(answer: JoinedWall, folder: Path) -> None:
@@ -159,7 +159,7 @@ def _write_wall(answer: JoinedWall, folder: Path) -> None:
         write_array("relief_mm", answer.relief_mm, folder)
 
 
-def _read_wall(_shown: ShownPair, folder: Path) -> JoinedWall:
+def _read_wall(_pair: ShownPair, folder: Path) -> JoinedWall:
     has_depth = (folder / "relief_mm.npy").is_file()
     cells = read_array(folder, "cells")
     if cells.dtype.kind not in "bu":
@@ -171,9 +171,9 @@ TASK = Task(
     name="wall",
     title="one wall of what an endoscope and an OCT show of a bore",
     signature=(
-        "method(shown: endoct.workbench.bench.tasks.wall.ShownPair) -> JoinedWall\n"
+        "method(pair: endoct.workbench.bench.tasks.wall.ShownPair) -> JoinedWall\n"
         "Its cells and, where the method has them, depths in mm behind the bore's wall, on the samples of "
-        "shown.sides.grid. Both sides lie there in their true place; a depth that is NaN counts as 0."
+        "pair.sides.grid. Both sides lie there in their true place; a depth that is NaN counts as 0."
     ),
     cases=cases,
     judge=judge,
@@ -187,5 +187,5 @@ TASK = Task(
     },
     own=lambda specimen: [case_of(specimen)],
     against="endoct",
-    exchange=Exchange(write=_write_shown, read=_read_wall, answer=_write_wall),
+    exchange=Exchange(write=_write_pair, read=_read_wall, answer=_write_wall),
 )
