@@ -10,6 +10,7 @@ instruments on patches of the 12 training bores, turned, mirrored and in other l
 import argparse
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -36,25 +37,25 @@ class UNet(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         down = [2, *WIDTHS]
-        self.down = nn.ModuleList(_twice(a, b) for a, b in zip(down, down[1:], strict=False))
-        self.up = nn.ModuleList(_twice(a + b, a) for a, b in zip(WIDTHS, WIDTHS[1:], strict=False))
+        self.down = nn.ModuleList(_twice(a, b) for a, b in pairwise(down))
+        self.up = nn.ModuleList(_twice(a + b, a) for a, b in pairwise(WIDTHS))
         self.last = nn.Conv2d(WIDTHS[0], 1, 1)
 
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+    def forward(self, view: torch.Tensor) -> torch.Tensor:
         passed = []
         for level, block in enumerate(self.down):
-            seen = block(nn.functional.max_pool2d(seen, 2, ceil_mode=True) if level else seen)
-            passed.append(seen)
+            view = block(nn.functional.max_pool2d(view, 2, ceil_mode=True) if level else view)
+            passed.append(view)
         for level in reversed(range(len(self.up))):
-            larger = interpolate(seen, passed[level].shape[2:], mode="bilinear")
-            seen = self.up[level](torch.cat([passed[level], larger], dim=1))
-        out: torch.Tensor = self.last(seen)
+            larger = interpolate(view, passed[level].shape[2:], mode="bilinear")
+            view = self.up[level](torch.cat([passed[level], larger], dim=1))
+        out: torch.Tensor = self.last(view)
         return out
 
 
 class _Around(nn.Conv2d):
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        around = pad(pad(seen, (1, 1, 0, 0), mode="circular"), (0, 0, 1, 1), mode="replicate")
+    def forward(self, view: torch.Tensor) -> torch.Tensor:
+        around = pad(pad(view, (1, 1, 0, 0), mode="circular"), (0, 0, 1, 1), mode="replicate")
         return super().forward(around)
 
 
@@ -64,7 +65,7 @@ def _twice(before: int, after: int) -> nn.Sequential:
 
 
 def given(values: np.ndarray, valid: np.ndarray, dz_mm: float, *, depth: bool) -> torch.Tensor:
-    """Return what a network sees, (2, rows, COLUMNS): depth in half millimetres, or light over that around, and valid."""
+    """Return what a network sees, (2, rows, COLUMNS): depth in half mm, or light over that around; and valid."""
     known = np.where(valid, values, 0).astype(np.float32)
     if depth:
         known = np.clip(known, -0.5, 1.5) * 2
@@ -88,16 +89,16 @@ def learn(data: str, steps: int) -> dict[str, Any]:
             depth = bool(one["has_depth"])
             if depth == (side == "oct"):
                 values = one["depth_mm" if depth else "intensity"]
-                seen = given(values, one["valid"], _row_mm(one), depth=depth)
+                view = given(values, one["valid"], _row_mm(one), depth=depth)
                 cell = torch.tensor(one["cell"].astype(np.float32))[None, None]
-                walls.append(torch.cat([seen, interpolate(cell, seen.shape[1:], mode="area")[0]]))
+                walls.append(torch.cat([view, interpolate(cell, view.shape[1:], mode="area")[0]]))
         net = UNet().train()
         optimiser = torch.optim.AdamW(net.parameters(), FASTEST, weight_decay=1e-4)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, FASTEST, total_steps=steps)
         for step in range(steps):
             batch = torch.stack([_patch(walls[rng.integers(len(walls))], height, rng) for _ in range(BATCH)])
-            loss = (binary_cross_entropy_with_logits(net(batch[:, :2])[:, 0], batch[:, 2], reduction="none")
-                    * batch[:, 1]).mean()  # fmt: skip
+            found, cell, valid = net(batch[:, :2])[:, 0], batch[:, 2], batch[:, 1]
+            loss = binary_cross_entropy_with_logits(found, cell, weight=valid)
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
@@ -126,14 +127,14 @@ def _patch(wall: torch.Tensor, height: int, rng: np.random.Generator) -> torch.T
 
 def answer(weights: Path, given_folder: Path, answer_folder: Path) -> None:
     """Answer one case of the task "segmentation"."""
-    told = json.loads((given_folder / "given.json").read_text(encoding="utf-8"))
+    facts = json.loads((given_folder / "given.json").read_text(encoding="utf-8"))
     depth = (given_folder / "depth_mm.npy").exists()
     values = np.load(given_folder / ("depth_mm.npy" if depth else "intensity.npy"))
     valid = np.load(given_folder / "valid.npy").astype(bool)
     net = UNet().eval()
     net.load_state_dict(torch.load(weights, weights_only=True)["oct" if depth else "endoscope"])
     with torch.inference_mode():
-        found = net(given(values, valid, _row_mm(told), depth=depth)[None])
+        found = net(given(values, valid, _row_mm(facts), depth=depth)[None])
         mask = interpolate(found, valid.shape, mode="bilinear")[0, 0].numpy() > 0
     np.save(answer_folder / "mask.npy", mask & valid)
 
