@@ -4,7 +4,7 @@
     endoct bench submit segmentation DATA -o unet.json --program "unet=python -m benchmarks.trained_unet unet.pt"
 
 It is what somebody would train who has nothing but the set: a U-Net (Ronneberger et al. 2015) for each of both
-instruments on patches of the 12 training bores, turned, mirrored and in other light, padded around the bore as a circle.
+instruments on patches of the 12 training bores, turned, mirrored and in other light. They are padded as a circle.
 """
 
 import argparse
