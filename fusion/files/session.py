@@ -1,4 +1,4 @@
-"""Session files: what somebody pointed out on two sides by hand, and which sides these are."""
+"""Session files: what somebody pointed out on two sides by hand and noted there, and which sides these are."""
 
 import hashlib
 import json
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import PydanticCustomError
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import SMALL_BYTES, read_small
@@ -22,6 +23,8 @@ MASKS = "masks"
 """The folder next to the session file in which the page saves masks."""
 FORMAT: Literal["endoct-session-1"] = "endoct-session-1"
 MOST_PAIRS = 1000
+MOST_LETTERS = 200
+"""Of the text of a note."""
 WRITTEN_BY = "a file that the page of `endoct serve` wrote"
 
 _Strict = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -45,6 +48,20 @@ class _Pair(BaseModel):
     sigma_mm: float = Field(default=USUAL_SIGMA_MM, ge=1e-4, le=10)
 
 
+def _line(text: str) -> str:
+    if not text.isprintable() or not text.strip():
+        raise PydanticCustomError("line", "one line of text without control characters")
+    return text
+
+
+class _Note(BaseModel):
+    model_config = _Strict
+
+    side: Literal["a", "b"]
+    place: _Place
+    text: Annotated[str, Field(max_length=MOST_LETTERS), AfterValidator(_line)]
+
+
 class _Side(BaseModel):
     model_config = _Strict
 
@@ -53,18 +70,16 @@ class _Side(BaseModel):
     read_as: _Digest
 
 
-class _File(BaseModel):
+class _Placed(BaseModel):
     model_config = _Strict
 
+    pairs: Annotated[tuple[_Pair, ...], Field(strict=False, max_length=MOST_PAIRS)]
+    notes: Annotated[tuple[_Note, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
+
+
+class _File(_Placed):
     format: Literal["endoct-session-1"]
     sides: Annotated[tuple[_Side, _Side], Field(strict=False)]
-    pairs: Annotated[tuple[_Pair, ...], Field(strict=False, max_length=MOST_PAIRS)]
-
-
-class _Pairs(BaseModel):
-    model_config = _Strict
-
-    pairs: Annotated[tuple[_Pair, ...], Field(strict=False, max_length=MOST_PAIRS)]
 
 
 @dataclass(frozen=True)
@@ -81,18 +96,29 @@ class Identity:
 
 
 @dataclass(frozen=True)
+class Note:
+    """What somebody noted at a ``place`` of the wall, in the frame of the ``side`` on which it was pointed out."""
+
+    side: Literal["a", "b"]
+    place: Place
+    text: str
+
+
+@dataclass(frozen=True)
 class Session:
-    """Landmark pairs, and the two sides on which they were placed, A first."""
+    """Landmark pairs and notes, and the two sides on which they were placed, A first."""
 
     sides: tuple[Identity, Identity]
     pairs: tuple[LandmarkPair, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def to_json(self) -> dict[str, object]:
-        """Return the object that a session file holds."""
+        """Return the object that a session file holds; without notes it is one for older versions, too."""
         return {
             "format": FORMAT,
             "sides": [vars(side) for side in self.sides],
             "pairs": [pair_json(pair) for pair in self.pairs],
+            **({"notes": [note_json(note) for note in self.notes]} if self.notes else {}),
         }
 
     def to_bytes(self) -> bytes:
@@ -106,6 +132,11 @@ def pair_json(pair: LandmarkPair) -> dict[str, object]:
     """Return a pair as a session file holds it."""
     places = {side: vars(place) for side, place in (("a", pair.a), ("b", pair.b))}
     return {**places, "role": pair.role, "name": pair.name, "sigma_mm": pair.sigma_mm}
+
+
+def note_json(note: Note) -> dict[str, object]:
+    """Return a note as a session file holds it."""
+    return {**vars(note), "place": vars(note.place)}
 
 
 def identity_of(name: str, panorama: Panorama) -> Identity:
@@ -148,12 +179,16 @@ def session_from(data: bytes, where: str) -> Session:
         )
     file = _checked(_File, stored, where)
     a, b = (Identity(**side.model_dump()) for side in file.sides)
-    return Session((a, b), _pairs(file.pairs))
+    return Session((a, b), _pairs(file.pairs), _notes(file.notes))
 
 
-def pairs_from(stored: Mapping[str, Any], where: str) -> tuple[LandmarkPair, ...]:
-    """Return the pairs of an object ``{"pairs": […]}``. Raises :class:`EndoctError`, naming ``where``, for nonsense."""
-    return _pairs(_checked(_Pairs, stored, where).pairs)
+def placed_from(stored: Mapping[str, Any], where: str) -> tuple[tuple[LandmarkPair, ...], tuple[Note, ...]]:
+    """Return pairs and notes of an object ``{"pairs": […], "notes": […]}``, of which the latter may be left out.
+
+    Raises :class:`EndoctError`, naming ``where``, for nonsense.
+    """
+    placed = _checked(_Placed, stored, where)
+    return _pairs(placed.pairs), _notes(placed.notes)
 
 
 def object_from(data: bytes, where: str) -> dict[str, Any]:
@@ -198,6 +233,10 @@ def _pairs(stored: Sequence[_Pair]) -> tuple[LandmarkPair, ...]:
         )
         for one in stored
     )
+
+
+def _notes(stored: Sequence[_Note]) -> tuple[Note, ...]:
+    return tuple(Note(one.side, Place(one.place.theta_rad, one.place.z_mm), one.text) for one in stored)
 
 
 def _checked(model: type[Any], stored: Mapping[str, Any], where: str) -> Any:

@@ -1,4 +1,5 @@
-"""The landmarks of a comparison on the page: loaded from its session file, judged as `endoct compare` does, and saved.
+"""The landmarks of a comparison on the page, judged as `endoct compare` does, and notes: loaded from its session file,
+and saved there.
 
 The session file is the only thing that the page ever writes.
 """
@@ -23,9 +24,10 @@ from endoct.fusion.files.session import (
     Session,
     check_sides,
     identity_of,
+    note_json,
     object_from,
     pair_json,
-    pairs_from,
+    placed_from,
     recorded_identity,
     session_from,
 )
@@ -84,27 +86,28 @@ class Sessions:
         return a, b
 
     def state(self, *, offline: bool = False) -> dict[str, Any]:
-        """Return the session for the page: its pairs, those that were used already where there is no file.
+        """Return the session for the page: its notes and pairs, those that were used already where there is no file.
 
         ``saved`` is the digest of the file, None where there is none; ``refused`` says why nothing can be saved. What
         an ``offline`` page says holds wherever the folder lies: its paths are seen from within that.
         """
-        pairs, saved, refused = self.used, None, self.refused
+        session, saved, refused = Session(self.identities, self.used), None, self.refused
         if not refused:
             try:
                 found = self._stored(self.folder)
                 if found is not None:
-                    pairs, saved = found[0].pairs, found[1]
+                    session, saved = found
             except EndoctError as error:
                 refused = f"{error}. Nothing can be saved while it is there."
         return {
             "sides": [vars(side) for side in self.identities],
-            "pairs": [pair_json(pair) for pair in pairs],
+            "pairs": [pair_json(pair) for pair in session.pairs],
+            "notes": [note_json(note) for note in session.notes],
             "saved": saved,
             "refused": refused,
             "file": NAME if offline else str(self.path),
             "command": self.command(Path() if offline else self.folder),
-            "judged": self.judged(pairs),
+            "judged": self.judged(session.pairs),
         }
 
     def judged(self, pairs: Sequence[LandmarkPair]) -> dict[str, Any]:
@@ -137,10 +140,10 @@ class Sessions:
         Raises :class:`EndoctError` for nonsense, and :class:`Gone` where the comparison is not there any more.
         """
         self.origin.check_present()
-        return self.judged(pairs_from(object_from(data, POSTED), POSTED))
+        return self.judged(placed_from(object_from(data, POSTED), POSTED)[0])
 
     def save(self, data: bytes) -> dict[str, Any]:
-        """Write posted pairs into the session file and return its digest as ``saved``.
+        """Write posted pairs and notes into the session file and return its digest as ``saved``.
 
         ``based_on`` in ``data`` is the digest of the file that the page had read, null where there was none. No other
         folder than the comparison's is written to. Raises :class:`EndoctError` for nonsense, and where the file is
@@ -151,9 +154,11 @@ class Sessions:
             raise EndoctError(self.refused)
         posted = object_from(data, POSTED)
         based_on = posted.pop("based_on", None)
-        session = Session(self.identities, pairs_from(posted, POSTED))
+        session = Session(self.identities, *placed_from(posted, POSTED))
         content = session.to_bytes()
         session_from(content, POSTED)  # what is written can be read
+        if len(content) > SMALL_BYTES:
+            raise EndoctError("the session cannot be saved", expected=f"{SMALL_BYTES} bytes at most")
         with self._lock, self.origin.held() as folder:
             found = self._stored(folder)
             if (found and found[1]) != based_on:

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.session import (
     Identity,
+    Note,
     Session,
     check_sides,
     identity_of,
-    pairs_from,
+    placed_from,
     read_session,
     session_from,
 )
@@ -25,6 +26,7 @@ from endoct.fusion.geometry.alignment import LandmarkPair, Place
 from endoct.stitching.store import load_panorama, save_panorama
 
 A, B = Identity("endoscope", "a" * 64, "b" * 64), Identity("oct", "c" * 64, "d" * 64)
+NOTE = Note("b", Place(6.25, -2.5), "Löcher <b> ≥ 2")
 PAIR = LandmarkPair(Place(0.25, 1.5), Place(6.25, 2.5), "check", "rim <b>", 0.02)
 
 places = st.builds(Place, st.floats(0, 2 * math.pi, exclude_max=True), st.floats(-1e4, 1e4))
@@ -38,9 +40,9 @@ pairs = st.builds(
 )
 
 
-@given(st.lists(pairs, max_size=6))
-def test_what_is_written_is_read_back(placed: list[LandmarkPair]):
-    session = Session((A, B), tuple(placed))
+@given(st.lists(pairs, max_size=6), st.integers(0, 2))
+def test_what_is_written_is_read_back(placed: list[LandmarkPair], n_notes: int):
+    session = Session((A, B), tuple(placed), (NOTE,) * n_notes)
     assert session_from(session.to_bytes(), "here") == session
 
 
@@ -102,12 +104,32 @@ def test_what_is_no_json_is_refused(data: bytes):
         session_from(data, "here")
 
 
-def test_pairs_by_themselves_are_checked_alike():
-    stored = Session((A, B), (PAIR,)).to_json()
-    assert pairs_from({"pairs": stored["pairs"]}, "here") == (PAIR,)
+def test_pairs_and_notes_by_themselves_are_checked_alike():
+    stored = Session((A, B), (PAIR,), (NOTE,)).to_json()
+    assert placed_from({"pairs": stored["pairs"]}, "here") == ((PAIR,), ())
+    assert placed_from({"pairs": [], "notes": stored["notes"]}, "here") == ((), (NOTE,))
     for wrong in ({}, {"pairs": [5]}, stored):
         with pytest.raises(EndoctError, match="here"):
-            pairs_from(wrong, "here")
+            placed_from(wrong, "here")
+
+
+def test_a_session_without_notes_is_one_for_older_versions():
+    assert "notes" not in Session((A, B), (PAIR,)).to_json()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"text": ""}, {"text": "  "}, {"text": "a\nb"}, {"text": "a\u202eb"}, {"text": "x" * 201}, {"text": 5},
+        {"text": "\ud800"}, {"side": "c"}, {"place": {"theta_rad": 6.2832, "z_mm": 0.0}}, {"name": "more"},
+    ],
+)  # fmt: skip
+def test_a_note_that_is_none_is_refused_in_one_line(wrong: dict[str, Any]):
+    good = {"side": "a", "place": {"theta_rad": 0.0, "z_mm": 0.0}, "text": "x" * 200}
+    assert placed_from({"pairs": [], "notes": [good]}, "here")[1][0].text == "x" * 200
+    with pytest.raises(EndoctError, match=r"notes\.1\.") as refused:
+        placed_from({"pairs": [], "notes": [{**good, **wrong}]}, "here")
+    assert "\n" not in str(refused.value)
 
 
 def test_too_many_pairs_and_too_large_a_file_are_refused(tmp_path: Path):

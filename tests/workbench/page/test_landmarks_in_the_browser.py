@@ -14,9 +14,9 @@ from mock_comparison import GRID, Kind, write_comparison
 from page_browser import Watched, opened
 from workbench_page import serving, written
 
-from endoct.fusion.files.session import read_session
+from endoct.fusion.files.session import Note, Session, read_session
 from endoct.fusion.files.store import load_comparison, save_comparison
-from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.geometry.alignment import Alignment, Place
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.report import frozen_data, frozen_page
 
@@ -234,18 +234,20 @@ def test_a_file_that_changed_meanwhile_is_kept(page: Watched, folder: Path):
 def test_the_offline_file_downloads_a_session(chromium: Any, folder: Path, tmp_path: Path):
     frozen = tmp_path / "report.html"
     shown = open_shown(folder)
+    assert shown.session is not None
+    noted = Session(shown.session.identities, (), (Note("b", Place(1.0, 0.5), HTML),))
+    (folder / "session.json").write_bytes(noted.to_bytes())
     frozen.write_text(frozen_page(shown, shown.sections, frozen_data(shown)), encoding="utf-8")
     with opened(chromium, frozen.as_uri()) as page:
         page.page.keyboard.press("m")
         place(page, 12, 8)
         assert "endoct serve" in page.page.locator(".landmarks .said").inner_text()
         with page.page.expect_download() as saved:
-            page.page.get_by_role("button", name="save session").click()
+            page.page.locator(".landmarks").get_by_role("button", name="save session").click()
         saved.value.save_as(tmp_path / "session.json")
     assert saved.value.suggested_filename == "session.json"
     session = read_session(tmp_path / "session.json")
     assert len(session.pairs) == 1
-    shown = open_shown(folder)
-    assert shown.session is not None
+    assert session.notes == noted.notes
     assert session.sides == shown.session.identities
     assert json.loads((tmp_path / "session.json").read_text())["pairs"][0]["role"] == "correct"

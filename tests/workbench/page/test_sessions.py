@@ -13,10 +13,12 @@ from workbench_page import PAIR, Served, application, post, written
 
 from endoct.base.files.contents import NAME as LIST_NAME
 from endoct.base.files.contents import seal
-from endoct.fusion.files.session import Session, read_session, session_from
+from endoct.fusion.files.session import Note, Session, read_session, session_from
+from endoct.fusion.geometry.alignment import Place
 from endoct.workbench import verify
 from endoct.workbench.page.opening import open_shown
 
+NOTE = {"side": "b", "place": {"theta_rad": 6.2, "z_mm": 0.7}, "text": "glare <b>"}
 CHECK = {**PAIR, "a": {"theta_rad": 0.1, "z_mm": 0.7}, "b": {"theta_rad": 6.2, "z_mm": 0.7}, "role": "check"}
 
 
@@ -56,11 +58,15 @@ def test_a_session_is_saved_loaded_and_saved_again(folder: Path):
         assert again["saved"] == json.loads(text)["saved"]
         assert post(served, "/session.json", {"pairs": [PAIR, CHECK], "based_on": again["saved"]})[0] == 200
         assert len(read_session(folder / "session.json").pairs) == 2
+        assert again["notes"] == []
+        noted = {"pairs": [PAIR], "notes": [NOTE], "based_on": json.loads(served.get("/session.json")[1])["saved"]}
+        assert post(served, "/session.json", noted)[0] == 200
+        assert json.loads(served.get("/session.json")[1])["notes"] == [NOTE]
         # another window that had read it before does not undo that
         status, text = post(served, "/session.json", {"pairs": [], "based_on": again["saved"]})
         assert status == 409
         assert "was changed meanwhile" in text
-        assert len(read_session(folder / "session.json").pairs) == 2
+        assert read_session(folder / "session.json").notes[0].text == NOTE["text"]
     assert sorted(path.name for path in folder.iterdir() if path.name.startswith((".", "session"))) == ["session.json"]
 
 
@@ -160,6 +166,17 @@ def test_nonsense_is_refused_in_one_line(folder: Path, path: str, body: Any):
     assert not (folder / "session.json").exists()
 
 
+def test_a_session_that_could_not_be_read_again_is_not_written(folder: Path):
+    # sent in one line it is less than a file may have, written in many it is more
+    sent = {"pairs": [PAIR] * 700, "notes": [{**NOTE, "text": "\U0001f9b4" * 200}] * 1000}
+    with application(folder) as served:
+        status, said = post(
+            served, "/session.json", json.dumps(sent, ensure_ascii=False, separators=(",", ":")).encode()
+        )
+    assert (status, "1000000 bytes at most" in said) == (409, True)
+    assert not (folder / "session.json").exists()
+
+
 def test_a_huge_body_is_refused(folder: Path):
     with application(folder) as served:
         for path in ("/session.json", "/landmarks.json"):
@@ -172,7 +189,11 @@ def test_a_huge_body_is_refused(folder: Path):
 def test_the_frozen_page_can_make_the_same_file(folder: Path):
     shown = open_shown(folder)
     assert shown.session is not None
+    (folder / "session.json").write_bytes(
+        Session(shown.session.identities, (), (Note(**{**NOTE, "place": Place(6.2, 0.7)}),)).to_bytes()
+    )
     state = shown.session.state(offline=True)
+    assert state["notes"] == [NOTE]
     assert str(folder.parent) not in json.dumps(state)  # it is true wherever the folder is moved to
     assert "-o ../specimen-8-by-hand --session session.json" in state["command"]
     made = {"format": "endoct-session-1", "sides": state["sides"], "pairs": [PAIR]}

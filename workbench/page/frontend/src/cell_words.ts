@@ -28,8 +28,11 @@ const COLUMNS = [
 
 /** Return the cells as CSV, a row each, as cells.csv has them, then what the other side and the truth have there. */
 export function cellsAsCsv(cells: readonly CellPart[]): string {
-  const rows = cells.map((cell) => COLUMNS.map((name) => field(cell[name])).join(","));
-  return [COLUMNS.join(","), ...rows, ""].join("\r\n");
+  return csvOf(COLUMNS, cells.map((cell) => COLUMNS.map((name) => cell[name])));
+}
+
+export function csvOf(columns: readonly string[], rows: readonly (readonly (string | number | boolean | null)[])[]): string {
+  return [columns.join(","), ...rows.map((row) => row.map(field).join(",")), ""].join("\r\n");
 }
 
 function field(value: string | number | boolean | null): string {

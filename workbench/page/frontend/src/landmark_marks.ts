@@ -1,6 +1,6 @@
-/** Landmarks in a pane: a cross at the place itself, and its number on a disc beside it; black corrects, white checks. */
+/** Landmarks in a pane: a cross at the place itself, and its number on a disc beside it; black corrects, white checks. Notes: a ring, and their text. */
 
-import type { Role } from "./landmarks";
+import type { Note, Role } from "./landmarks";
 import { toShown } from "./placement";
 import { type Sheet, repeats } from "./sheet";
 import type { State } from "./state";
@@ -11,6 +11,10 @@ const OUT_PX = 13;
 const DISC_PX = 8;
 /** How far a landmark reaches. */
 const REACH_PX = OUT_PX + DISC_PX + 2;
+/** Of a note's ring. */
+export const RING_PX = 5;
+/** About the width of a letter of its text. */
+const LETTER_PX = 6.5;
 
 /** Draw the ends of pairs that lie on `side`; where a pane shows both sides, both ends and what lies between them. */
 export function drawLandmarks(sheet: Sheet, state: State, side: string | null): void {
@@ -30,6 +34,36 @@ export function drawLandmarks(sheet: Sheet, state: State, side: string | null): 
   const frames = [a, b].find((part) => part.side === pending?.side);
   if (!pending || !frames || (side !== null && side !== frames.side)) return;
   drawPin(sheet, toShown(frames.placement, pending.place), String(landmarks.pairs.length + 1), "correct", true);
+}
+
+/** Where a note lies on the wall as it is shown, and on whose; null where its side has no frames. */
+export function spotOf(state: State, note: Note): Place & { side: string } | null {
+  const frames = state.description.frames[note.side === "a" ? 0 : 1];
+  return frames ? { ...toShown(frames.placement, note.place), side: frames.side } : null;
+}
+
+/** Draw the notes that have a place on what is shown of `side`, as much of their text as there is room for. */
+export function drawNotes(sheet: Sheet, state: State, side: string | null): void {
+  const { drawing, width } = sheet;
+  const { draft, notes } = state.landmarks;
+  [...notes, ...(draft ? [draft] : [])].forEach((note, k) => {
+    const spot = spotOf(state, note);
+    if (!spot || !state.isCommon(spot.side, side)) return;
+    for (const { x, y } of repeats(spot, sheet, RING_PX + 2)) {
+      strokeTwice(sheet, () => drawing.arc(x, y, RING_PX, 0, 2 * Math.PI));
+      const isLeft = x > width / 2;
+      const letters = [...`${k + 1} ${note.text || "…"}`];
+      const room = Math.max(Math.floor(((isLeft ? x : width - x) - 2 * RING_PX) / LETTER_PX), 2);
+      const text = letters.length > room ? `${letters.slice(0, room - 1).join("")}…` : letters.join("");
+      drawing.font = "12px system-ui, sans-serif";
+      drawing.textAlign = isLeft ? "right" : "left";
+      drawing.textBaseline = "middle";
+      [drawing.strokeStyle, drawing.lineWidth, drawing.lineJoin, drawing.fillStyle] = [BRIGHT, 3.5, "round", DARK];
+      const at = x + (isLeft ? -1 : 1) * (RING_PX + 4);
+      drawing.strokeText(text, at, y);
+      drawing.fillText(text, at, y);
+    }
+  });
 }
 
 function strokeTwice({ drawing }: Sheet, path: () => void): void {

@@ -18,6 +18,7 @@ export class LandmarkPanel {
   private session: SessionState | null = null;
   private asked = "";
   private asking = false;
+  private saving = false;
   private message = "";
 
   constructor(
@@ -33,6 +34,7 @@ export class LandmarkPanel {
     this.element.hidden = true; // until it is known what pairs there are
     state.on("landmarks", () => this.follow());
     window.addEventListener("beforeunload", (event) => {
+      if (document.activeElement instanceof HTMLInputElement) document.activeElement.blur(); // what is written there counts
       if (!state.landmarks.isSaved) event.preventDefault();
     });
   }
@@ -40,7 +42,7 @@ export class LandmarkPanel {
   async load(): Promise<void> {
     this.session = await this.source.session();
     if (this.session) {
-      this.state.landmarks.load(this.session.pairs);
+      this.state.landmarks.load(this.session);
       this.state.landmarks.judged = this.session.judged;
       this.asked = JSON.stringify(this.session.pairs);
       this.message = this.session.refused;
@@ -82,14 +84,24 @@ export class LandmarkPanel {
       element("span", { class: "actions" },
         act("undo", "take back the last step (Ctrl+Z)", landmarks.canUndo, () => { landmarks.undo(); tell(); }),
         act("redo", "make it again (Ctrl+Shift+Z)", landmarks.canRedo, () => { landmarks.redo(); tell(); }),
-        act("save session", this.source.canSave ? `write ${this.session?.file ?? "the session file"}` : "download the session file",
-          this.session !== null && !this.session.refused, () => void this.save())));
+        this.saveButton()));
     this.hint.textContent = this.hintText();
     this.hint.hidden = !landmarks.active;
     const focused = this.body.contains(document.activeElement) ? document.activeElement?.getAttribute("data-at") : null;
     this.body.replaceChildren(...landmarks.pairs.map((pair, k) => this.row(pair, k)));
     if (focused) this.body.querySelector<HTMLElement>(`[data-at="${focused}"]`)?.focus();
     this.foot.replaceChildren(...this.said());
+  }
+
+  saveButton(): HTMLButtonElement {
+    const made = button("save session", this.source.canSave ? `write ${this.session?.file ?? "the session file"}` : "download the session file", null, () => void this.save());
+    made.disabled = this.session === null || this.session.refused !== "" || this.saving;
+    return made;
+  }
+
+  /** Why nothing was saved, or cannot be. */
+  refused(): HTMLElement[] {
+    return this.message ? [element("p", { class: "refused", role: "alert" }, this.message)] : [];
   }
 
   private hintText(): string {
@@ -131,7 +143,8 @@ export class LandmarkPanel {
       parts.push(element("p", {}, "Distances are computed where the page is served (endoct serve)."));
     }
     for (const text of judged?.said ?? []) parts.push(element("p", { class: "soft" }, text));
-    for (const text of [judged?.error, this.message]) if (text) parts.push(element("p", { class: "refused", role: "alert" }, text));
+    if (judged?.error) parts.push(element("p", { class: "refused", role: "alert" }, judged.error));
+    parts.push(...this.refused());
     if (landmarks.pairs.length && this.session?.command) {
       const first = landmarks.isSaved ? [] : [element("p", {}, "Save the session first.")];
       if (!this.source.canSave) first.push(element("p", {}, "In the folder of the comparison, with the session in it:"));
@@ -142,16 +155,28 @@ export class LandmarkPanel {
   }
 
   private async save(): Promise<void> {
-    if (!this.session) return;
-    const { pairs } = this.state.landmarks;
+    if (!this.session || this.saving) return;
+    const { placed } = this.state.landmarks;
+    this.saving = true;
     try {
-      this.session.saved = await this.source.saveSession(this.session, pairs);
-      this.state.landmarks.markSaved(pairs);
+      this.session.saved = await this.source.saveSession(this.session, placed);
+      this.state.landmarks.markSaved(placed);
       this.message = "";
     } catch (error) {
       this.message = error instanceof Error ? error.message : String(error);
+      await this.takeIn();
     }
+    this.saving = false;
     this.state.tell("landmarks");
+  }
+
+  /** Where another window has saved meanwhile, bring that together with what is here. */
+  private async takeIn(): Promise<void> {
+    const now = await this.source.session().catch(() => null);
+    if (!now || now.refused || now.saved === this.session?.saved) return;
+    this.session = now;
+    this.state.landmarks.load(now);
+    this.message = "Another window saved meanwhile. What it saved is now here too: look, and save again.";
   }
 }
 

@@ -1,4 +1,4 @@
-/** Landmark pairs as they are placed: what there is now, what there was before, and what the server made of them. */
+/** Landmark pairs and notes as they are placed: what there is now, what there was before, and what the server made of them. */
 
 import type { Place } from "./wall";
 
@@ -11,6 +11,18 @@ export interface Pair {
   role: Role;
   name: string;
   sigma_mm: number;
+}
+
+/** What is noted at a place, in the frame of its side; the same names as in a session file. */
+export interface Note {
+  side: "a" | "b";
+  place: Place;
+  text: string;
+}
+
+export interface Placed {
+  pairs: readonly Pair[];
+  notes: readonly Note[];
 }
 
 export interface Distance {
@@ -40,6 +52,7 @@ export interface Judged {
 export interface SessionState {
   sides: Record<string, string>[];
   pairs: Pair[];
+  notes: Note[];
   saved: string | null;
   refused: string;
   file: string;
@@ -56,35 +69,56 @@ export interface Pending {
 
 export class Landmarks {
   active = false;
-  pairs: readonly Pair[] = [];
+  /** Whether a click is for a note. */
+  noting = false;
+  placed: Placed = { pairs: [], notes: [] };
   pending: Pending | null = null;
+  /** Where a note is being written. */
+  draft: Note | null = null;
   judged: Judged | null = null;
-  private kept: readonly Pair[] = [];
-  private past: (readonly Pair[])[] = [];
-  private future: (readonly Pair[])[] = [];
+  private kept: Placed = this.placed;
+  private past: Placed[] = [];
+  private future: Placed[] = [];
 
-  /** Take in the pairs of a session, before those that a quick hand has placed while it was fetched. */
-  load(saved: readonly Pair[]): void {
-    const after = (placed: readonly Pair[]): readonly Pair[] => [...saved, ...placed];
-    this.kept = saved;
-    this.pairs = after(this.pairs);
-    this.past = this.past.map(after);
-    this.future = this.future.map(after);
+  get pairs(): readonly Pair[] {
+    return this.placed.pairs;
   }
 
-  /** Make `pairs` what there is, so that it can be undone. */
-  change(pairs: readonly Pair[]): void {
-    this.past.push(this.pairs);
+  get notes(): readonly Note[] {
+    return this.placed.notes;
+  }
+
+  /** Take in what is saved by now, and do to it what was done here since the last time: nothing of either is lost. */
+  load({ pairs, notes }: Placed): void {
+    const { kept } = this;
+    const both = (now: Placed): Placed => ({ pairs: merged(pairs, kept.pairs, now.pairs), notes: merged(notes, kept.notes, now.notes) });
+    this.kept = { pairs, notes };
+    this.placed = both(this.placed);
+    this.past = this.past.map(both);
+    this.future = this.future.map(both);
+  }
+
+  /** Make `by` what there is, so that it can be undone. */
+  change(by: Partial<Placed>): void {
+    this.past.push(this.placed);
     this.future = [];
-    this.pairs = pairs;
+    this.placed = { ...this.placed, ...by };
   }
 
   replace(k: number, by: Partial<Pair>): void {
-    this.change(this.pairs.map((pair, j) => (j === k ? { ...pair, ...by } : pair)));
+    this.change({ pairs: this.pairs.map((pair, j) => (j === k ? { ...pair, ...by } : pair)) });
   }
 
   remove(k: number): void {
-    this.change(this.pairs.filter((_, j) => j !== k));
+    this.change({ pairs: this.pairs.filter((_, j) => j !== k) });
+  }
+
+  /** Give a note another text, without one take it away; one that is not there yet, or any more, is added. */
+  rewrite(note: Note, text: string): void {
+    if (text === note.text) return;
+    const at = this.notes.findIndex((one) => JSON.stringify(one) === JSON.stringify(note));
+    const by = text ? [{ ...note, text }] : [];
+    this.change({ notes: at < 0 ? [...this.notes, ...by] : [...this.notes.slice(0, at), ...by, ...this.notes.slice(at + 1)] });
   }
 
   get canUndo(): boolean {
@@ -103,22 +137,29 @@ export class Landmarks {
     }
     const before = this.past.pop();
     if (before === undefined) return;
-    this.future.push(this.pairs);
-    this.pairs = before;
+    this.future.push(this.placed);
+    this.placed = before;
   }
 
   redo(): void {
     const next = this.future.pop();
     if (next === undefined) return;
-    this.past.push(this.pairs);
-    this.pairs = next;
+    this.past.push(this.placed);
+    this.placed = next;
   }
 
-  markSaved(pairs: readonly Pair[]): void {
-    this.kept = pairs;
+  markSaved(placed: Placed): void {
+    this.kept = placed;
   }
 
   get isSaved(): boolean {
-    return JSON.stringify(this.pairs) === JSON.stringify(this.kept);
+    return JSON.stringify(this.placed) === JSON.stringify(this.kept);
   }
+}
+
+/** What is `saved` without what was removed since `kept`, and with what was added. */
+function merged<T>(saved: readonly T[], kept: readonly T[], now: readonly T[]): T[] {
+  const lacks = (all: readonly T[]) => (one: T): boolean => !all.some((other) => JSON.stringify(other) === JSON.stringify(one));
+  const removed = kept.filter(lacks(now));
+  return [...saved.filter(lacks(removed)), ...now.filter(lacks([...kept, ...saved]))];
 }

@@ -2,7 +2,7 @@
 
 import type { CellPart, Description } from "./description";
 import { type Drawing, TracedPath } from "./drawing";
-import { drawLandmarks } from "./landmark_marks";
+import { drawLandmarks, drawNotes } from "./landmark_marks";
 import type { Outlines } from "./source";
 import type { State } from "./state";
 import { type Sheet, repeats, toPixels, turnOf } from "./sheet";
@@ -50,6 +50,7 @@ export function drawMarks(
   drawCross(sheet, here(state.cursor), "rgba(255,255,255,0.9)", "rgba(0,0,0,0.55)");
   drawCross(sheet, here(state.pinned), "#ffffff", "#d6007a");
   drawLandmarks(sheet, state, side);
+  drawNotes(sheet, state, side);
   drawPainting(sheet, state, side);
   drawRuler(sheet, state);
   drawScaleBar(sheet);

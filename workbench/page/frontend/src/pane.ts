@@ -323,7 +323,7 @@ export class Pane {
     if (!drawing || !around) return;
     const { clientWidth: width, clientHeight: height } = this.marks;
     const view = this.view();
-    this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active && !this.state.painting.active);
+    this.under.setDoubleClickZoom(!this.state.measuring && !this.state.landmarks.active && !this.state.landmarks.noting && !this.state.painting.active);
     const sheet: Sheet = { drawing, width, height, view, wall: this.wall, paper: paperOf(this.element) };
     drawMarks(sheet, this.state, this.paths(), this.layers());
     around.translate(AXES_PX.left, AXES_PX.top);

@@ -1,4 +1,4 @@
-/** Placing landmarks by clicks and keys: one end, then the other. */
+/** Placing landmarks by clicks and keys, one end, then the other; and notes. */
 
 import { toOwn } from "./placement";
 import type { State } from "./state";
@@ -26,22 +26,25 @@ export class Placer {
       const [of_a, of_b] = end.side === a.side ? [end, pending] : [pending, end];
       const sigma_mm = Number(Math.min(Math.max(Math.hypot(of_a.sigma_mm, of_b.sigma_mm), LEAST_SIGMA_MM), 10).toFixed(4));
       landmarks.pending = null;
-      landmarks.change([...landmarks.pairs, { a: of_a.place, b: of_b.place, role: "correct", name: "", sigma_mm }]);
+      landmarks.change({ pairs: [...landmarks.pairs, { a: of_a.place, b: of_b.place, role: "correct", name: "", sigma_mm }] });
     }
     this.state.tell("landmarks");
   }
 
-  toggle(): void {
+  toggle(what: "active" | "noting" = "active"): void {
     if (this.state.description.sides.length < 2) return;
-    this.state.landmarks.active = !this.state.landmarks.active;
-    this.state.landmarks.pending = null;
+    const { landmarks } = this.state;
+    const on = !landmarks[what];
+    [landmarks.active, landmarks.noting, landmarks.pending] = [false, false, null];
+    landmarks[what] = on;
     this.state.tell("landmarks");
   }
 
-  /** Forget an end that waits for the other; say whether there was one. */
+  /** Forget an end that waits for the other, or a place that waits for its note; say whether there was one. */
   forget(): boolean {
-    if (!this.state.landmarks.pending) return false;
-    this.state.landmarks.pending = null;
+    const { landmarks } = this.state;
+    if (!landmarks.pending && !landmarks.draft) return false;
+    [landmarks.pending, landmarks.draft] = [null, null];
     this.state.tell("landmarks");
     return true;
   }

@@ -1,7 +1,7 @@
 /** Where the page's data come from: the server that served it, or the file that it is frozen into. */
 
 import type { Description } from "./description";
-import type { Judged, Pair, SessionState } from "./landmarks";
+import type { Judged, Pair, Placed, SessionState } from "./landmarks";
 import type { Drawing, SavedMasks } from "./painting";
 import { OVERLAP_PX, TILE_PX, Wall, wrapped } from "./wall";
 
@@ -72,7 +72,7 @@ export interface Source {
   /** Whether a session is written where the comparison lies; else it is downloaded. */
   readonly canSave: boolean;
   /** Save a session, and return the digest of its file. */
-  saveSession(session: SessionState, pairs: readonly Pair[]): Promise<string | null>;
+  saveSession(session: SessionState, placed: Placed): Promise<string | null>;
   /** The masks that were drawn on the page, by side. */
   masks(): Promise<SavedMasks>;
   /** The outlines of a drawing as it would be saved, in the frame that is shown. */
@@ -189,9 +189,9 @@ async function servedSource(): Promise<Source> {
     get canSave() {
       return !asker.gone;
     },
-    saveSession: async (session, pairs) => {
-      if (asker.gone) return download(session, pairs);
-      const found = await asker.send("session.json", { pairs, based_on: session.saved });
+    saveSession: async (session, placed) => {
+      if (asker.gone) return download(session, placed);
+      const found = await asker.send("session.json", { ...placed, based_on: session.saved });
       if (found.status === GONE) throw new Error(`${await found.text()}. Nothing was saved; save again to download the session file.`);
       if (!found.ok) throw new Error(await found.text());
       return ((await found.json()) as { saved: string }).saved;
@@ -221,8 +221,8 @@ async function answered<T>(response: Response): Promise<T> {
 }
 
 /** Have the browser save a session file. */
-function download(session: SessionState, pairs: readonly Pair[]): null {
-  const text = JSON.stringify({ format: "endoct-session-1", sides: session.sides, pairs }, null, 1);
+function download(session: SessionState, placed: Placed): null {
+  const text = JSON.stringify({ format: "endoct-session-1", sides: session.sides, ...placed }, null, 1);
   const link = document.createElement("a");
   link.download = "session.json";
   link.href = URL.createObjectURL(new Blob([`${text}\n`], { type: "application/json" }));
@@ -285,7 +285,7 @@ function frozenSource(frozen: Frozen): Source {
     session: () => Promise.resolve(frozen.session),
     judge: () => Promise.resolve(null),
     canSave: false,
-    saveSession: (session, pairs) => Promise.resolve(download(session, pairs)),
+    saveSession: (session, placed) => Promise.resolve(download(session, placed)),
     masks: () => Promise.reject(new Error(NOT_SERVED)),
     outlineDrawing: () => Promise.reject(new Error(NOT_SERVED)),
     saveMask: () => Promise.reject(new Error(NOT_SERVED)),

@@ -1,6 +1,7 @@
 /** The row of switches over the panes. */
 
 import { button, element } from "./dom";
+import type { Placer } from "./placer";
 import type { State } from "./state";
 
 export interface Actions {
@@ -27,8 +28,9 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["O", "outlines on and off"],
   ["R", "ruler: click two places"],
   ["M", "landmarks: click a place on one side and on the other"],
+  ["N", "notes on places: click one and write, or a note to change it"],
   ["D", "draw a mask: E adds or erases, [ ] the brush, Enter closes an outline"],
-  ["Ctrl+Z", "take back the last step with landmarks, or the last shape; with Shift, make it again"],
+  ["Ctrl+Z", "take back the last step with landmarks and notes, or the last shape; with Shift, make it again"],
   ["in the cylinder", "drag or arrow keys turn it, wheel and + − come nearer; a click marks a place"],
   ["Escape", "forget the marked place, the ruler, the selected cell"],
 ];
@@ -38,7 +40,7 @@ const OF_WALL: Readonly<Record<string, string>> = {
   "wall-contradictions": "where one side surely shows a cell, and the other surely shows wall",
 };
 
-export function toolbar(state: State, actions: Actions): HTMLElement {
+export function toolbar(state: State, placer: Placer, actions: Actions): HTMLElement {
   const bar = element("div", { class: "toolbar", role: "toolbar", "aria-label": "panes" });
   const draw = (): void => {
     const toggle = (label: string, title: string, on: boolean, act: () => void): HTMLButtonElement =>
@@ -76,11 +78,8 @@ export function toolbar(state: State, actions: Actions): HTMLElement {
         state.ruler = null;
         state.tell("marks");
       }),
-      ...(state.description.sides.length > 1 ? [toggle("landmarks", "pairs of one place on both sides: click on one and the other (M)", state.landmarks.active, () => {
-        state.landmarks.active = !state.landmarks.active;
-        state.landmarks.pending = null;
-        state.tell("landmarks");
-      })] : []),
+      ...(state.description.sides.length > 1 ? [toggle("landmarks", "pairs of one place on both sides: click on one and the other (M)", state.landmarks.active, () => placer.toggle()),
+      toggle("notes", "notes on places: click one and write (N)", state.landmarks.noting, () => placer.toggle("noting"))] : []),
       ...(actions.draw ? [toggle("draw", "draw or correct a mask of one side (D)", state.painting.active, actions.draw)] : []),
       toggle("3-D", "the wall as a cylinder, cut open", state.cylinder, () => {
         state.cylinder = !state.cylinder;

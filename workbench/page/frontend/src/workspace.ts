@@ -13,6 +13,7 @@ import { Link } from "./link";
 import { type Paths, outlinePaths } from "./marks";
 import { MaskPanel } from "./mask_panel";
 import type { Tools } from "./next_steps";
+import { NotePanel } from "./note_panel";
 import { Painter } from "./painter";
 import { Pane } from "./pane";
 import { toShown } from "./placement";
@@ -25,7 +26,7 @@ import { SharedView } from "./shared_view";
 import type { Source } from "./source";
 import { State } from "./state";
 import { MOST_PANES, toolbar } from "./toolbar";
-import { type Spot, Wall, wrapped } from "./wall";
+import { type Place, type Spot, Wall, wrapped } from "./wall";
 
 /** How large a cell is shown when it is selected. */
 const CELL_PX = 150;
@@ -39,6 +40,7 @@ export class Workspace {
   private readonly link: Link;
   private readonly drawer: FrameDrawer;
   private readonly landmarks: LandmarkPanel;
+  private readonly notes: NotePanel;
   private readonly placer: Placer;
   private readonly painter: Painter;
   private readonly aim: Aim;
@@ -62,6 +64,7 @@ export class Workspace {
     this.link = new Link(this.state, this.wall, () => this.panes);
     this.drawer = new FrameDrawer(this.state, source, (z_mm) => this.go(z_mm));
     this.landmarks = new LandmarkPanel(this.state, source, (pair) => this.show(pair));
+    this.notes = new NotePanel(this.state, this.landmarks, (spot) => this.lookAt(spot));
     this.placer = new Placer(this.state);
     this.painter = new Painter(this.state);
     this.shared = new SharedView(this.state, () => this.panes[0]?.view());
@@ -69,10 +72,10 @@ export class Workspace {
     const draw = source.canSave && description.sides.length > 1 ? (): void => this.painter.toggle() : null;
     const actions = { addPane: () => this.addPane(), home: () => this.home(), save: () => this.save(), export: source.canSave ? (): void => void askToExport(source) : null, draw };
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
-    side.append(this.landmarks.element);
+    side.append(this.landmarks.element, this.notes.element);
     if (source.canSave && description.sides.length > 1) side.append(new MaskPanel(this.state, source).element);
     if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
-    this.element.append(element("div", { class: "stage" }, toolbar(this.state, actions), this.grid, this.drawer.element), side);
+    this.element.append(element("div", { class: "stage" }, toolbar(this.state, this.placer, actions), this.grid, this.drawer.element), side);
     this.state.on("panes", () => this.refresh());
     this.state.on("colours", () => this.recolour());
     this.state.on("link", () => this.relink());
@@ -188,6 +191,10 @@ export class Workspace {
   }
 
   private click(place: Spot, side: string | null): void {
+    if (this.state.landmarks.noting) {
+      this.notes.begin(place, side, this.panes[0]?.view().mm_per_px ?? 0);
+      return;
+    }
     if (this.state.landmarks.active) {
       this.placer.place(place, side, this.panes[0]?.view().mm_per_px ?? 0);
       return;
@@ -223,15 +230,23 @@ export class Workspace {
     else for (const pane of shown) pane.setView(view);
   }
 
+  /** Bring a place of the wall of `side` into view, in the panes that have it. */
+  private lookAt({ side, ...place }: Spot): void {
+    for (const pane of this.panes.filter((one) => this.state.isCommon(side, one.side))) this.lead(pane, place);
+  }
+
+  /** Bring a place into view in a pane, and in those that are linked to it. */
+  private lead(pane: Pane, place: Place): void {
+    const view = { ...pane.view(), ...place };
+    if (this.state.linked) this.link.show(view);
+    else pane.setView(view);
+  }
+
   /** Bring both ends of a landmark pair into view. */
   private show(pair: Pair): void {
     this.state.description.frames.forEach((frames, k) => {
       const place = toShown(frames.placement, k ? pair.b : pair.a);
-      for (const pane of this.panes.filter((one) => one.side === frames.side)) {
-        const view = { ...pane.view(), ...place };
-        if (this.state.linked) this.link.show(view);
-        else pane.setView(view);
-      }
+      for (const pane of this.panes.filter((one) => one.side === frames.side)) this.lead(pane, place);
     });
   }
 
@@ -296,6 +311,7 @@ export class Workspace {
       arrowleft: () => this.step(-1, 0),
       arrowright: () => this.step(1, 0),
       m: () => this.placer.toggle(),
+      n: () => this.placer.toggle("noting"),
       d: () => this.painter.toggle(),
       escape: () => {
         if (this.placer.forget()) return;
