@@ -82,7 +82,7 @@ def test_a_note_is_written_changed_and_saved_by_keys_alone(page: Watched, folder
     note(page, f" {HTML}\x07 ", *["ArrowRight"] * 3)
     width_px, mm_per_px = page.page.locator(".view").first.evaluate("e => e.clientWidth"), page.panes()[0]["mmPerPx"]
     turn_px = 2 * 3.14159265 * 1.25 / mm_per_px
-    note(page, "seam", *["ArrowUp"] * 2, *["ArrowLeft"] * 3, *["Shift+ArrowLeft"] * round(turn_px / 2))
+    note(page, "seam", *["ArrowUp"] * 2, *["ArrowLeft"] * 3, *["Shift+ArrowLeft"] * round(turn_px / 2 + 2))
     assert page.page.evaluate(TEXTS) == [HTML, "seam"]
     shown = drawn(page)
     assert {(k, text) for k, text, _ in shown if text.startswith(("1 =<img", "2 seam"))} >= {
@@ -91,11 +91,15 @@ def test_a_note_is_written_changed_and_saved_by_keys_alone(page: Watched, folder
     assert {k for k, text, _ in shown if text.startswith("1 =<img")} == {0, 1, 2}
     on_first = sorted(x for k, text, x in shown if (k, text) == (0, "2 seam"))
     assert on_first[-1] - on_first[0] > width_px / 2  # on both edges of the turn
-    # the cursor is on the second note: Enter is for that
+    assert on_first[0] > 0  # the text within the pane
+    # the cursor is on the second note, beyond 0°: Enter is for that
     press(page, "Enter")
     assert page.page.evaluate(FOCUSED) == "note 2"
     press(page, "End")
     page.page.keyboard.insert_text(" of θ")
+    assert not page.page.evaluate("() => window.dispatchEvent(new Event('beforeunload', {cancelable: true}))")
+    assert page.page.evaluate(TEXTS) == [HTML, "seam of θ"]  # who leaves has written it
+    press(page, "c", "Enter")  # a place that gets no note
     press(page, "Enter")
     assert page.page.evaluate(FOCUSED) == "view"
     assert page.page.evaluate(TEXTS) == [HTML, "seam of θ"]
@@ -153,15 +157,19 @@ def test_nothing_is_lost_to_another_window_or_a_slow_answer(page: Watched, folde
         == 200
     )
     go_to(page, "delete note 3")
+    page.page.route("**/session.json*", lambda route: held.append(route))
     save(page)
+    go_to(page, "note 2")
+    press(page, "End", "!")  # while it is saved
+    held[-1].continue_()
+    page.page.unroute("**/session.json*")
     page.page.wait_for_selector(".refused")
     assert "Another window saved meanwhile" in page.page.locator(".refused").first.inner_text()
-    assert page.page.evaluate(TEXTS) == ["anew", "mine", "half a sentence"]
-    go_to(page, "delete note 3")
+    assert page.page.evaluate(TEXTS) == ["anew", "mine!", "half a sentence"]
     save(page)
     page.page.wait_for_function("() => !/not saved/.test(document.querySelector('.notes h2').innerText)")
     session = read_session(folder / "session.json")
-    assert [one.text for one in session.notes] == ["anew", "mine", "half a sentence"]
+    assert [one.text for one in session.notes] == ["anew", "mine!", "half a sentence"]
     assert [one.name for one in session.pairs] == ["rim"]
     page.errors[:] = [error for error in page.errors if "409" not in error]  # the browser's own line of it
 
@@ -171,7 +179,19 @@ def test_a_place_on_sides_that_are_not_aligned_is_on_its_own_side(chromium: Any,
     write_comparison(folder, Kind("endoscope", depth=False), Kind("oct"), aligned=False, doubts=())
     with serving(folder) as served, opened(chromium, served.url) as page:
         page.page.evaluate(WATCH)
-        press(page, "n", "c", "c")
+        press(page, "m", "n")
+        pressed = "names => names.map(each => each.getAttribute('aria-pressed')).join()"
+        assert (
+            page.page.locator(".toolbar button:text-matches('^(landmarks|notes)$')").evaluate_all(pressed)
+            == "false,true"
+        )
+        box = page.page.locator(".view").first.bounding_box()
+        page.page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        assert page.page.evaluate(FOCUSED) == "the new note"
+        page.page.evaluate("() => document.activeElement.blur()")
+        press(page, "Escape")  # the place waits for no note any more
+        assert page.page.get_by_label("the new note").is_hidden()
+        press(page, "c", "c")
         note(page, "here", "ArrowRight")
         assert {k for k, text, _ in drawn(page) if text == "1 here"} == {1, 2}  # both are of OCT
         go_to(page, "delete note 1")
