@@ -20,7 +20,7 @@ from endoct.workbench.desk.forms import Command, arguments_of, form_of
 from endoct.workbench.desk.runs import command_line
 from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study
+from endoct.workbench.desk.study import Study, is_named
 from endoct.workbench.kinds import output_at
 from endoct.workbench.page.collection import ListedOutput, address_of, thumbnail
 from endoct.workbench.page.notes import read_note, write_note
@@ -81,7 +81,7 @@ class OpenFolder:
         return {"note": write_note(entry.path, posted.get("text"), posted.get("was"))}
 
     def _entry(self, entry: ListedOutput, number: int, version: str) -> dict[str, Any]:
-        compared = self.study.named_by(entry.inputs)
+        compared = self.study.named_by(entry.inputs, entry.path)
         has_report = entry.row.name == SUMMARY and not entry.fault
         address = f"report?name={quote(os.fsencode(entry.name))}" if has_report else ""
         as_they_are = "kind", "level", "headline", "jaccard", "interval", "written", "fault"
@@ -90,7 +90,7 @@ class OpenFolder:
             "name": path_text(entry.name),
             "about": entry.what,
             "doubts": [doubt.what for doubt in entry.doubts],
-            "steps": [self._step(step) for step in entry.steps],
+            "steps": [self._step(step, entry.path) for step in entry.steps],
             "of": [path_text(each.name) for each in compared],
             "changed": any(each.changed_since(entry.path / "result.json") for each in compared),
             "note": read_note(entry.path),
@@ -98,14 +98,17 @@ class OpenFolder:
             "thumbnail": "" if entry.fault else f"thumbnails/{version}/{number}.png",
         }
 
-    def _step(self, step: Mapping[str, Any]) -> dict[str, Any]:
+    def _step(self, step: Mapping[str, Any], result: Path) -> dict[str, Any]:
         """Return a step for the page, with paths as its forms have them."""
         values = dict(step.get("values", {}))
-        values |= {name: self._name_of(values[name]) for name in {"a", "b", "session"} & values.keys()}
-        return {**step, "recording": self._name_of(step["recording"])} | ({"values": values} if values else {})
+        values |= {name: self._name_of(values[name], result) for name in {"a", "b", "session"} & values.keys()}
+        return {**step, "recording": self._name_of(step["recording"], result)} | ({"values": values} if values else {})
 
-    def _name_of(self, path: str) -> str:
+    def _name_of(self, path: str, result: Path) -> str:
         """Return a path that a command was given as one below the folder, where it leads there; else as it is."""
+        for each in self.study.inputs() if path else ():
+            if is_named(each.path, {Path(path)}, result):
+                return path_text(each.name)
         place = self.folder / path
         return place.relative_to(self.folder).as_posix() if path and place.is_relative_to(self.folder) else path
 

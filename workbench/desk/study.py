@@ -5,7 +5,7 @@ A recording is known by its content, as `endoct info` knows it. What endoct wrot
 
 import os
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,6 +33,15 @@ MOST_FILES = 40
 """Files of a folder that are looked at one by one, where the folder as a whole is no recording."""
 VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd")
 PLAN_SUFFIX = ".mrk.json"
+
+
+def is_named(path: Path, names: Collection[Path], result: Path) -> bool:
+    """Whether ``path`` is one of ``names``, as the ``result`` has them: whole, or from some folder above it.
+
+    Its command ran there: on the page in the folder that is open, in a terminal elsewhere perhaps.
+    """
+    above = (result, *result.parents)
+    return path in names or any(path.relative_to(at) in names for at in above if path.is_relative_to(at))
 
 
 @dataclass(frozen=True)
@@ -119,11 +128,10 @@ class Study:
             self._inputs[name] = now
         return now
 
-    def named_by(self, files: Iterable[str]) -> list[Input]:
-        """Return the recordings to which ``files`` belong, as a result names them: by whole paths, or from here."""
-        paths = [self.folder / file for file in files]
-        recordings = [each for each in self.inputs() if each.kind == "recording"]
-        return [recording for recording in recordings if any(recording.path in (path, path.parent) for path in paths)]
+    def named_by(self, files: Iterable[str], result: Path) -> list[Input]:
+        """Return the recordings to which ``files`` belong, as the ``result`` below this folder names them."""
+        names = {name for file in map(Path, files) for name in (file, file.parent)}
+        return [each for each in self.inputs() if each.kind == "recording" and is_named(each.path, names, result)]
 
     def pairs(self) -> list[tuple[Input, Input]]:
         """Return the recordings of two instruments that lie alone in one folder, by the instruments' names."""

@@ -136,6 +136,15 @@ def test_a_result_names_its_recordings_and_whether_they_changed(served: Served, 
     found(served, address)
     entry = results(served, address)["results/bore-1"]
     assert entry["of"] == ["bore-1/endoscope", "bore-1/oct"]
+    # its command may have run in a terminal, in a folder above
+    result = json.loads((compared / "result.json").read_text())
+    elsewhere = result | {"inputs": {f"my study/bore-1/{side}/*": "0" * 64 for side in ("endoscope", "oct")}}
+    (compared / "result.json").write_text(json.dumps(elsewhere))
+    assert results(served, address)["results/bore-1"]["of"] == ["bore-1/endoscope", "bore-1/oct"]
+    elsewhere["inputs"] = {"oct/*": "0" * 64, "other/bore-1/endoscope/*": "0" * 64}  # of no folder above it
+    (compared / "result.json").write_text(json.dumps(elsewhere))
+    assert results(served, address)["results/bore-1"]["of"] == []
+    (compared / "result.json").write_text(json.dumps(result))
     made = (compared / "result.json").stat().st_mtime
     sidecar = compared.parents[1] / "bore-1" / "oct" / "acquisition.toml"
     for seconds, changed in ((made - 1, False), (made + 1, True)):
