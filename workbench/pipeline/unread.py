@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from endoct.base.errors import EndoctError
+from endoct.base.files.contents import NAME as LIST_NAME
 from endoct.base.files.files import entries, path_text
 from endoct.modalities.contract import Manifest
 from endoct.modalities.reading.other_formats import kind_not_read
@@ -56,8 +57,9 @@ def unread_next_to(folder: Path, manifest: Manifest, cited: Container[str]) -> U
 
 
 def accompanies(file: Path) -> bool:
-    """Whether a file only says something of others: a sidecar, a calibration, a chirp, the list of a store."""
-    return file.suffix.lower() == ".toml" or file.stem.lower() in ("chirp", "offseterrors") or file.name == "zarr.json"
+    """Whether a file only says something of others: a sidecar, a calibration, a chirp, a list of what lies there."""
+    known = file.name in ("zarr.json", LIST_NAME) or file.stem.lower() in ("chirp", "offseterrors")
+    return known or file.suffix.lower() == ".toml"
 
 
 def texts_in(value: object) -> set[str]:

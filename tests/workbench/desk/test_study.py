@@ -14,6 +14,7 @@ import pytest
 from benchmarks.ct_faults.drawn import drawn, named_slices
 from benchmarks.ct_faults.writing import write_series
 from endoct.base.errors import EndoctError
+from endoct.base.files.contents import seal
 from endoct.modalities.recognition import recognise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
@@ -149,6 +150,7 @@ def test_files_that_nothing_reads_are_listed_with_their_reason(study: Path):
     (study / "bore-1" / "endoscope" / "setup.docx").write_bytes(b"PK")
     cv2.imwrite(str(study / "anna_1.png"), np.eye(8, dtype=np.uint8) * 255)  # a mask is for commands to name
     (study / "calibration.toml").write_text("")
+    seal(study / "bore-1", "specimen")  # the list that is written with a specimen
     found = looked_through(study).to_json()
     assert found["unread"]["count"] == 3
     why = {each["name"]: each["why"] for each in found["unread"]["files"]}
