@@ -108,9 +108,8 @@ def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibratio
 
 @dataclass(frozen=True)
 class EndoscopeModality:
-    """The cone-mirror endoscope. ``device``: where torch samples frames; None: on the CPU, without torch."""
+    """The cone-mirror endoscope."""
 
-    device: str | None = None
     parameters = EndoscopeParameters
     sniff = staticmethod(sniff_frames)
     open = staticmethod(open_frames)
@@ -118,10 +117,6 @@ class EndoscopeModality:
     illustrate = staticmethod(picture_frame)
     locate = staticmethod(locate_in_frame)
     calibrate = staticmethod(calibrate_endoscope)
-
-    def on_device(self, device: str) -> "EndoscopeModality":
-        """Return the plug-in that samples frames for their strips on ``device``; the rest stays where it is."""
-        return EndoscopeModality(device)
 
     def reading_once(
         self,
@@ -133,7 +128,7 @@ class EndoscopeModality:
 
     def unroll(self, frame: Frame, calibration: EndoscopeCalibration) -> Strip:
         """Turn one frame into a strip. Pure."""
-        return unroll_frame(frame, calibration, self.device)
+        return unroll_frame(frame, calibration)
 
     def add_depth(
         self,
