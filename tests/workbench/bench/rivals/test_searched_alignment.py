@@ -1,8 +1,6 @@
 """Panoramas aligned by mutual information, from the best place of all."""
 
-import sys
 from dataclasses import replace
-from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals import searched_alignment as searched
-from endoct.workbench.bench.task import Case, NotInstalled
+from endoct.workbench.bench.task import Case
 from endoct.workbench.bench.tasks.alignment import TASK, AlignmentCase
 
 
@@ -40,20 +38,3 @@ def test_simpleitk_finds_any_turn_by_its_search(small: AlignmentCase, monkeypatc
     first, again = (searched.simpleitk_searched(*small.given) for _ in range(2))
     assert TASK.judge(small, first)["landmark_px"] < 1
     assert first == again
-
-
-@pytest.mark.slow
-def test_elastix_refines_what_the_search_has_found(small: AlignmentCase, monkeypatch: pytest.MonkeyPatch) -> None:
-    if find_spec("itk") is None:
-        pytest.skip("itk-elastix is not installed")
-    monkeypatch.setattr(searched, "SEARCHED_PX", 8)
-    monkeypatch.setattr(searched, "REFINED_PX", (1,))
-    first, again = (searched.elastix_searched(*small.given) for _ in range(2))
-    assert TASK.judge(small, first)["landmark_px"] < 1
-    assert first == again
-
-
-def test_without_elastix_it_is_left_out(small: AlignmentCase, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "itk", None)
-    with pytest.raises(NotInstalled, match="itk-elastix is not installed"):
-        searched.elastix_searched(*small.given)
