@@ -5,7 +5,7 @@ Every other step has a module of its own.
 """
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -106,9 +106,8 @@ def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibratio
     return {name: np.where(seen[:, np.newaxis], xy, np.nan) for name, xy in (("frame", pixel), ("strip", strip))}
 
 
-@dataclass(frozen=True)
 class EndoscopeModality:
-    """The cone-mirror endoscope."""
+    """The cone-mirror endoscope; it has no state."""
 
     parameters = EndoscopeParameters
     sniff = staticmethod(sniff_frames)

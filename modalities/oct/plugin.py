@@ -4,7 +4,6 @@ Pictures show where places of the wall are seen: which beam meets a place, and h
 Every other step has a module of its own.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -103,9 +102,8 @@ def locate_in_bscan(index: int, places: Places, calibration: OctCalibration) -> 
     }
 
 
-@dataclass(frozen=True)
 class OctModality:
-    """Catheter OCT."""
+    """Catheter OCT; it has no state."""
 
     parameters = OctParameters
     sniff = staticmethod(sniff_pullback)
