@@ -23,7 +23,7 @@ EXCEPTIONS = {
     "tests/workbench": {"SHOWN", "found", "one", "shown", "told", "what"},
     "workbench": {"found"},
     "workbench/page": {
-        "Shown", "_seen", "can_be_shown", "found", "one", "open_shown", "seen", "shown", "shown_range",
+        "Shown", "_seen", "can_be_shown", "found", "one", "open_shown", "seen", "shown",
     },
     "workbench/posing": {"told"},
     "workbench/report": {"_seen", "one"},

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.ranks import robust_limits
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose import search
@@ -34,7 +35,6 @@ from endoct.workbench.report.figures.drawing import (
     new_figure,
     place,
     render,
-    robust_limits,
 )
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (

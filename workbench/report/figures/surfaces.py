@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.ranks import robust_limits
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
@@ -27,7 +28,6 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     letters,
     render,
-    robust_limits,
     width_of,
 )
 from endoct.workbench.report.figures.rendered import Drawn
