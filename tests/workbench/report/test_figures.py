@@ -12,7 +12,7 @@ from tolerances import COORDINATE_ATOL
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, render, width_of, wrapped
-from endoct.workbench.report.figures.wall_panels import show_surface, thinned, wall_panel
+from endoct.workbench.report.figures.wall_panels import draw_outline, show_surface, thinned, wall_panel
 from endoct.workbench.report.wording import value_text
 
 GRID = SurfaceGrid.full_circle(100, 512, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
@@ -72,6 +72,20 @@ def test_samples_not_observed_are_left_transparent() -> None:
     show_surface(axes, GRID, np.full(GRID.shape, np.nan), valid, "gray")
     alpha = np.asarray(axes.images[0].get_array())[..., 3]
     np.testing.assert_array_equal(alpha == 255, valid)
+
+
+def test_an_outline_runs_on_over_the_seam_half_a_sample_beyond_what_it_marks() -> None:
+    grid = SurfaceGrid.full_circle(10, 36, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+    share = np.zeros(grid.shape, np.float32)
+    share[3:6, [35, 0, 1]] = 1  # from 350° to 10°
+    axes = new_figure(4, 4).add_subplot()
+    draw_outline(axes, grid, share, "black")
+    points = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    assert points[:, 0].min() == pytest.approx(-10)
+    assert sorted({round(float(x)) for x in points[:, 0] if 10 < x < 350}) == [15, 345]
+    assert (points[:, 1].min(), points[:, 1].max()) == pytest.approx((0.25, 0.55))
+    draw_outline(axes, grid, np.zeros(grid.shape, np.float32), "black")
+    assert len(axes.collections) == 1
 
 
 def test_thinning_keeps_means_majorities_and_places() -> None:
