@@ -1,7 +1,7 @@
 """What endoct raises for input it cannot use."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 _SHORT_WRITE = re.compile(r"(\d+) requested and (\d+) written")
@@ -73,6 +73,11 @@ def system_cause(error: OSError) -> str:
 def _short(text: str, most: int = LONGEST_CAUSE) -> str:
     text = visible(" ".join(text.split()))  # what is written out grows
     return text if len(text) <= most else f"{text[:most]}…"
+
+
+def some_of(names: Sequence[str], most: int = 3) -> str:
+    """Return the first of ``names`` for a message, and how many more there are: "a.dcm, b.dcm, c.dcm and 4 more"."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def visible(text: str) -> str:

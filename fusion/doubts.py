@@ -236,10 +236,6 @@ def _grown_mm(line: Line, drift: Drift) -> float | None:
     return grown_mm if sure else None
 
 
-def _share(jaccard: float | None) -> str:
-    return "not known" if jaccard is None else f"{jaccard:.3f}"
-
-
 def doubts_by_hand(said: ByHand, alignment: Alignment, of: str, parameters: CompareParameters) -> Iterator[Doubt]:
     """Yield the doubts about the ``alignment`` of side ``of`` by hand; none where pairs only checked it."""
     if not said.corrected:

@@ -16,7 +16,6 @@ A plug-in
 - may **settle** the assembled panorama;
 - may **locate** places of the wall in its pictures of a frame;
 - may **calibrate** its instrument by a recording of a printed tube;
-- may compute parts of this **on a device** of torch's;
 - marks unknown samples invalid, changes no input, raises only :class:`EndoctError`.
 
 The conformance suite (:mod:`endoct.modalities.conformance`) checks all of this on any plug-in.
@@ -27,7 +26,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar, cast
+from typing import Any, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, cause_of
 from endoct.modalities.acquisition import MOST_PLACE_MM, Acquisition
-from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.tube.measurement import Measurement
 from endoct.modalities.tube.target import Target
@@ -115,18 +113,13 @@ class Manifest:
     implementation: str
     per_frame: Mapping[str, Meaning] = field(default_factory=dict, hash=False)
 
-    def load(self, device: Device = "cpu") -> "Modality[Any, Any]":
-        """Import the implementation, for another ``device`` than the CPU the one that computes there, if there is one.
-
-        Raises :class:`EndoctError` naming what is missing.
-        """
+    def load(self) -> "Modality[Any, Any]":
+        """Import the implementation. Raises :class:`EndoctError` naming what is missing."""
         module, _, name = self.implementation.partition(":")
         try:
             modality: Modality[Any, Any] = getattr(import_module(module), name)
         except (Exception, SystemExit) as error:  # a stranger's module may raise anything
             raise EndoctError(f"the modality '{self.name}' cannot be loaded", found=import_cause(error)) from error
-        if device != "cpu" and hasattr(modality, "on_device"):
-            return cast(OnDeviceModality[Any, Any], modality).on_device(device)
         return modality
 
 
@@ -284,13 +277,6 @@ class ParallaxModality(Modality[P, C], Protocol[P, C]):
 
         As it is where ``parameters`` do not want them, or the frames have too little in common.
         """
-
-
-class OnDeviceModality(Modality[P, C], Protocol[P, C]):
-    """A plug-in of which parts can be computed on a device of torch's, with the same answers within a tolerance."""
-
-    def on_device(self, device: str) -> Modality[P, C]:
-        """Return the plug-in that computes these parts on ``device``, as torch names it; "cpu" too, for tests."""
 
 
 class VolumetricModality(Modality[P, C], Protocol[P, C]):

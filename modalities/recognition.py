@@ -23,7 +23,6 @@ from endoct.modalities.acquisition import (
     validate,
 )
 from endoct.modalities.contract import FrameStream, Manifest, Sniff
-from endoct.modalities.device import Device
 from endoct.modalities.reading.format import Stated
 from endoct.modalities.reading.recording import format_of
 from endoct.modalities.registry import reader_of, sniffed
@@ -131,14 +130,11 @@ class Recognised:
             )
         return validate(self.manifest.acquisition, keys, str(self.sidecar), settings=overrides)
 
-    def open(self, overrides: Mapping[str, Any] | None = None, device: Device = "cpu") -> FrameStream:
-        """Return its frames; ``device`` is where they are computed, as far as the plug-in can do that elsewhere.
-
-        ``overrides`` are those of :meth:`acquisition`. Raises :class:`EndoctError` where it cannot be used.
-        """
+    def open(self, overrides: Mapping[str, Any] | None = None) -> FrameStream:
+        """Return its frames. ``overrides`` and what is raised are those of :meth:`acquisition`."""
         acquisition = self.acquisition(overrides)
         with refusing(f"{self.path} cannot be read by the modality '{self.manifest.name}'"):
-            return self.manifest.load(device).open(self.path, acquisition)
+            return self.manifest.load().open(self.path, acquisition)
 
 
 def recognise(path: Path, modality: str | None = None) -> Recognised:
@@ -152,11 +148,11 @@ def recognise(path: Path, modality: str | None = None) -> Recognised:
 
 
 def open_recording(
-    path: Path, *, modality: str | None = None, overrides: Mapping[str, Any] | None = None, device: Device = "cpu"
+    path: Path, *, modality: str | None = None, overrides: Mapping[str, Any] | None = None
 ) -> tuple[Manifest, FrameStream]:
     """Return the plug-in that reads ``path``, and its frames as :meth:`Recognised.open` does."""
     recognised = recognise(path, modality)
-    return recognised.manifest, recognised.open(overrides, device)
+    return recognised.manifest, recognised.open(overrides)
 
 
 def load_ahead(path: Path, modality: str | None) -> None:

@@ -9,7 +9,7 @@ from typing import get_args
 
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import exists, plain_name
-from endoct.modalities.acquisition import SIDECAR_NAME, abridged, read_keys, sidecar_path
+from endoct.modalities.acquisition import SIDECAR_NAME, abridged, sidecar_path
 from endoct.modalities.contract import Certainty, Manifest, Sniff, import_cause
 from endoct.modalities.reading.recording import refusal_of, stated_by
 
@@ -40,14 +40,6 @@ def manifests() -> Mapping[str, Manifest]:
         plain_name(manifest.frame_dim, f"what the modality '{manifest.name}' calls a frame")
         by_name[manifest.name] = manifest
     return by_name
-
-
-def manifest_for(path: Path, modality: str | None = None) -> Manifest:
-    """Return the plug-in that reads ``path``: the one asked for, else the sidecar's, else what :func:`reader_of` says.
-
-    Raises :class:`EndoctError` where there is none, or two claim it and are equally sure.
-    """
-    return reader_of(path, lambda: modality or read_keys(path).get("modality"))[0]
 
 
 def reader_of(path: Path, stated: Callable[[], object]) -> tuple[Manifest, Sniff | None]:

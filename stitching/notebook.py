@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.ranks import robust_limits
 from endoct.stitching.grid import SurfaceGrid
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def draw_wall(
     columns = columns[:: max(1, grid.n_theta // COLUMNS)]
     cut = np.ix_(evenly_spaced_rows(grid), columns)
     drawn = np.ma.masked_array(np.asarray(values, dtype=np.float32)[cut], ~valid[cut])
-    low, high = limits or _percentiles(drawn)
+    low, high = limits or robust_limits(drawn.data, valid[cut])
     bottom_mm, top_mm = grid.z_mm[-1] + grid.dz_mm / 2, grid.z_mm[0] - grid.dz_mm / 2
     axes.set_facecolor(NOT_OBSERVED)
     image = axes.imshow(
@@ -145,12 +146,3 @@ def evenly_spaced_rows(grid: SurfaceGrid) -> NDArray[np.intp]:
     if z_mm.size == 1:
         return np.zeros(1, dtype=np.intp)
     return np.where(places - z_mm[after - 1] <= z_mm[after] - places, after - 1, after)
-
-
-def _percentiles(values: "np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float32]]") -> tuple[float, float]:
-    observed = values.compressed()
-    observed = observed[np.isfinite(observed)]
-    if not observed.size:
-        return 0.0, 1.0
-    low, high = (float(value) for value in np.percentile(observed, [0.5, 99.5]))
-    return (low, high) if high > low else (low - 0.5, low + 0.5)

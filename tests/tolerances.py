@@ -197,15 +197,6 @@ SIDE_LOBE_DB = 0.8
 REBUILT_DB = 0.27
 # The wall on raw spectra against the wall on B-scans that share part of their noise: a depth sample.
 SAME_WALL_MM = 0.0051
-# By torch against the reference: sums in float32 in another order. A rounded level may fall to the next count; the
-# amplitude errs by 2^-24 of the largest sample (largest found: 1.1 times that), four times that are left.
-ON_DEVICE_COUNTS = 1
-ON_DEVICE_AMPLITUDE = 2**-22
-# Of the wall in panoramas of these levels, the share that moves by more than a depth sample, where an edge is as good
-# as another (largest found: 0.0013).
-ON_DEVICE_WALL_SHARE = 0.005
-# Frames sampled by torch: places round by 1e-4 px. Largest found: 1.4e-5, under dirt.
-ON_DEVICE_LIGHT_REL = 1e-4
 
 # Where a CT's header puts a voxel: what the project asks for. Headers state positions to a thousandth of that.
 CT_PLACE_MM = 0.01

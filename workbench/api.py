@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import output_if_any
-from endoct.modalities.device import check_device
 from endoct.modalities.recognition import load_ahead
 from endoct.stitching.panorama import Panorama
 from endoct.synthetic.sample.presets import PresetName
@@ -35,7 +34,7 @@ def unroll(request: UnrollRequest) -> Panorama:
     The store that is written holds a report, ``report.html``, and pictures of a few frames.
 
     Arguments are those of :class:`~endoct.workbench.requests.UnrollRequest`. Raises :class:`EndoctError` where the
-    recording or the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
+    recording cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -46,7 +45,6 @@ def unroll(request: UnrollRequest) -> Panorama:
     >>> wall.to_xarray()["depth_mm"].dims
     ('z', 'theta')
     """
-    check_device(request.device)
     if request.volume and request.output is None:
         raise EndoctError("a volume needs an output", remedy="give one, or leave out volume=True")
     inputs, stages = [Path(request.path)], stages_for(request.progress)
@@ -67,8 +65,8 @@ def compare(request: CompareRequest) -> "Comparison":
 
     The comparison, with its report, is written to the folder ``output`` where one is given. Arguments are those of
     :class:`~endoct.workbench.requests.CompareRequest`. Where the two could not be aligned, the comparison's
-    ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting, a session or
-    the device cannot be used, or ``output`` exists and ``overwrite`` is not set.
+    ``alignment`` is None and its ``reason`` says why. Raises :class:`EndoctError` where a side, a setting or a session
+    cannot be used, or ``output`` exists and ``overwrite`` is not set.
 
     With the specimen that :func:`demo` simulates in its example:
 
@@ -78,7 +76,6 @@ def compare(request: CompareRequest) -> "Comparison":
     >>> comparison.grid.n_theta, comparison.alignment is None
     (512, False)
     """
-    check_device(request.device)
     recorded = [Path(side) for side in (request.a, request.b) if not isinstance(side, Panorama)]
     also = [Path(path) for path in (*request.truth, *request.known, request.session) if path is not None]
     stages = stages_for(request.progress)

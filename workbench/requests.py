@@ -78,8 +78,6 @@ class UnrollRequest:
         recipe: settings by one word; paper: the chain of Laves et al. 2019. What is set besides wins over it
         settings: a key of the sidecar or a processing parameter; repeat for more
         volume: add the dense hollow cylinder, sub-surface included
-        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
-            Nothing else changes
         overwrite: replace the output if it exists
         progress: False displays none
     """
@@ -91,7 +89,6 @@ class UnrollRequest:
     recipe: Recipe = None
     settings: Annotated[Settings, arg(name="set")] = ()
     volume: bool = False
-    device: Device = "cpu"
     overwrite: bool = False
     progress: Progress = True
 
@@ -137,8 +134,6 @@ class CompareRequest:
         settings: a parameter of the comparison; repeat for more
         settings_a: a key of side A's sidecar or a parameter of its processing
         settings_b: a key of side B's sidecar or a parameter of its processing
-        device: where to compute B-scans of raw spectra and strips of an endoscope's frames; cuda: on a GPU, by torch.
-            Nothing else changes
         overwrite: replace the output if it exists
         progress: False displays none
     """
@@ -156,7 +151,6 @@ class CompareRequest:
     settings: Annotated[Settings, arg(name="set")] = ()
     settings_a: Annotated[Settings, arg(name="set-a")] = ()
     settings_b: Annotated[Settings, arg(name="set-b")] = ()
-    device: Device = "cpu"
     overwrite: bool = False
     progress: Progress = True
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from endoct.base.compute.parallel import thread_map
-from endoct.base.errors import EndoctError, refusing
+from endoct.base.errors import EndoctError, refusing, some_of
 from endoct.base.files.files import inside, is_left_by_system, read_small, sha256_of
 
 NAME = "endoct-output.json"
@@ -52,7 +52,7 @@ class Differences:
 
     def __str__(self) -> str:
         said = ((self.altered, " changed"), (self.missing, " missing"), (self.added, ", which endoct did not write"))
-        return "; ".join(f"{_few(paths)}{what}" for paths, what in said if paths)
+        return "; ".join(f"{some_of(paths)}{what}" for paths, what in said if paths)
 
 
 def seal(folder: Path, kind: str) -> None:
@@ -246,7 +246,3 @@ def _lists(whole: Path, folder: Path) -> bool:
     contents = read_contents(whole)
     within = f"{folder.relative_to(whole).as_posix()}/"
     return contents is not None and any(name.startswith(within) for name in contents.files)
-
-
-def _few(paths: tuple[str, ...], most: int = 3) -> str:
-    return ", ".join(paths[:most]) + (f" and {len(paths) - most} more" if len(paths) > most else "")

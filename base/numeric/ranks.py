@@ -14,6 +14,8 @@ from endoct.base.compute.compiled import compiled
 
 SIGMA_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over the median of its absolute deviations."""
+SAMPLES = 400_000
+"""Of an image, about so many samples say between which values it is shown."""
 ERROR_PER_SIGMA = 1.25
 """How many times as much a median errs as a mean: √(π/2), of normal samples."""
 
@@ -143,3 +145,16 @@ def error_of_median(deviations: ArrayLike) -> float:
 def robust_sigmas(deviations: ArrayLike) -> Coordinates:
     """Return :func:`robust_sigma` of every column of ``deviations`` (n, k), float64 (k,)."""
     return np.asarray(SIGMA_PER_MEDIAN * np.median(np.abs(np.asarray(deviations, np.float64)), axis=0))
+
+
+def robust_limits(values: NDArray[Any], valid: Mask, low: float = 0.5, high: float = 99.5) -> tuple[float, float]:
+    """Return between which values an image is shown well: percentiles of what is ``valid`` and finite of ``values``.
+
+    The first is less than the second; (0, 1) where nothing is. Of many samples some are looked at.
+    """
+    known = values[valid & np.isfinite(values)]
+    if not known.size:
+        return 0.0, 1.0
+    bottom, top = (float(value) for value in np.percentile(known[:: max(1, known.size // SAMPLES)], [low, high]))
+    room = max(0.5, abs(bottom) / 1000)  # beside a huge number nothing less makes a difference
+    return (bottom, top) if top - bottom > abs(bottom) * np.finfo(np.float32).eps else (bottom - room, bottom + room)

@@ -111,7 +111,7 @@ def comparison_files(*, aligned: bool = True) -> dict[str, bytes]:
         unaligned = {"aligned": False, "reason": "Nothing stood out.", "jaccard": None, "dice": None}
         result = result.model_copy(update={**unaligned, "alignment": None, "best_unbelieved": best})
     # the mask stands for a side of the other modality
-    renamed = Result.from_json(json.loads(json.dumps(result.to_json()).replace('"mask"', '"oct"')))
+    renamed = Result.model_validate(json.loads(json.dumps(result.to_json()).replace('"mask"', '"oct"')))
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         endoscope, drawn = found.sides
@@ -197,7 +197,7 @@ def comparison_store_seeds() -> Iterator[Seed]:
 
 def summary_seeds() -> Iterator[Seed]:
     """Yield folders of results as ``endoct summarise`` takes them: two sets, two specimens, two repeats each."""
-    whole = Result.from_json(json.loads(comparison_files()["result.json"]))
+    whole = Result.model_validate(json.loads(comparison_files()["result.json"]))
     result = Result(
         sides=whole.sides, aligned=True, alignment=whole.alignment, jaccard=None, dice=whole.dice, budget=whole.budget,
         scores=whole.scores and PairScores(**{name: part for name, part in whole.scores if name != "strata"}),

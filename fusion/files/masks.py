@@ -92,14 +92,6 @@ def stored_mask(panorama: Panorama) -> DrawnMask | None:
     return DrawnMask(panorama.grid, panorama.intensity > 0.5, rater, session, panorama, file)
 
 
-def score_against(comparison: Comparison, truth: DrawnMask, tolerance_mm: float = 0.1) -> dict[str, MaskScores]:
-    """Return the scores of each side against a mask in side A's frame, by side, over what that side observed.
-
-    They are taken on the comparison's grid. Raises :class:`EndoctError` for another bore diameter.
-    """
-    return score_surface(comparison, on_comparison(comparison, truth), tolerance_mm)
-
-
 def on_comparison(comparison: Comparison, truth: DrawnMask, where: Alignment = IN_PLACE) -> Surface:
     """Return a mask on the comparison's grid; ``where`` it lies in side A's frame."""
     grid = comparison.grid
@@ -109,7 +101,7 @@ def on_comparison(comparison: Comparison, truth: DrawnMask, where: Alignment = I
 
 
 def score_surface(comparison: Comparison, truth: Surface, tolerance_mm: float) -> dict[str, MaskScores]:
-    """Return the scores of each side against ``truth`` on the comparison's grid, as :func:`score_against` does."""
+    """Return the scores of each side against ``truth`` on the comparison's grid, by side, over what it observed."""
     grid, scores = comparison.grid, {}
     for side in comparison.sides:
         outlined = Surface(side.name, side.mask, side.valid)  # a mask has no relief to compare with

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import check_intact
@@ -15,6 +16,7 @@ MOST_BYTES = 16_000_000
 """Largest file that is read. It takes some twenty times that in memory at worst; a result has some ten kilobytes."""
 DEEPEST = 20
 EXPECTED = "a folder written by `endoct compare`"
+Stored = TypeVar("Stored", bound=BaseModel)
 
 
 def read_result(folder: Path) -> Result:
@@ -23,18 +25,21 @@ def read_result(folder: Path) -> Result:
     Raises :class:`EndoctError` where it is missing, was changed since it was written, or is larger than 16 MB. Raises
     it also where it is no JSON object, is nested more than 20 deep, or something in it is not of its kind.
     """
-    stored = _stored(folder)
-    try:
-        result = Result.from_json(stored)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False)[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the whole"
-        raise EndoctError(
-            f"result.json in {folder} cannot be used", found=f"{where}: {first['msg']}"[:300], expected=EXPECTED
-        ) from error
+    result = checked(Result, _stored(folder), f"result.json in {folder}")
     for name in result.sides:
         plain_name(name, f"a side in {folder}")
     return result
+
+
+def checked(kind: type[Stored], stored: object, subject: str) -> Stored:
+    """Return what was ``stored``. Raises :class:`EndoctError` on ``subject`` where it is not of its ``kind``."""
+    try:
+        return kind.model_validate(stored)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the whole"
+        found = f"{where}: {first['msg']}"[:300]
+        raise EndoctError(f"{subject} cannot be used", found=found, expected=EXPECTED) from error
 
 
 def _stored(folder: Path) -> dict[str, object]:

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import exists, plain_name, spreadsheet_text
-from endoct.base.files.json_values import a_list, an_object, number
 from endoct.base.zarr.zarr_metadata import OWN, declared
 from endoct.base.zarr.zarr_store import Named, read_arrays, read_attributes, write_arrays
-from endoct.fusion.files.result_file import read_result
-from endoct.fusion.geometry.alignment import Alignment, Bend, as_covariance
-from endoct.fusion.result import Result
+from endoct.fusion.files.result_file import checked, read_result
+from endoct.fusion.geometry.alignment import Alignment
+from endoct.fusion.result import Result, StoredAlignment
 from endoct.fusion.scoring.cells import Cell
 from endoct.fusion.sides import IMAGES, Comparison, PlacedSide
 from endoct.stitching.grid import SurfaceGrid, grid_attributes
@@ -174,11 +173,11 @@ def read_outline(path: Path) -> ComparisonOutline:
         arrays = read_arrays(path, ("cells", "side"))
         if len(shape) != 3 or shape[0] != 2 or "side" not in arrays:
             raise EndoctError(f"{what} cannot be used", found=f"images of shape {shape}", expected="two sides")
-        names, alignment = _names(arrays["side"], what), _stored(attributes, "alignment", what)
+        names = _names(arrays["side"], what)
         return ComparisonOutline(
             grid=stored_grid(attributes, shape, what),
             names=names,
-            alignment=None if alignment is None else _alignment(alignment, what),
+            alignment=_alignment(attributes, what),
             result=_result_of(names, path),
             cells=from_numbers(arrays["cells"], names) if "cells" in arrays else (),
         )
@@ -210,7 +209,7 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
         found = arrays[name]
         if found.shape != shape or len(shape) != 3 or shape[0] != 2 or found.dtype.kind not in "biuf":
             raise EndoctError(f"{name} of {what} cannot be used", found=f"{found.dtype} {found.shape}")
-    alignment, reason = (_stored(attributes, name, what) for name in ("alignment", "reason"))
+    reason = _stored(attributes, "reason", what)
     if not isinstance(reason, str | None):
         raise EndoctError(f"'reason' of {what} cannot be used", expected="a text or null")
     names = _names(arrays["side"], what)
@@ -218,7 +217,7 @@ def _comparison(path: Path, arrays: Mapping[str, NDArray[Any]], attributes: Mapp
     return Comparison(
         grid=stored_grid(attributes, shape, what),
         sides=(_side(names[0], arrays, 0, result), _side(names[1], arrays, 1, result)),
-        alignment=None if alignment is None else _alignment(alignment, what),
+        alignment=_alignment(attributes, what),
         reason=reason,
         result=result,
         cells=from_numbers(arrays["cells"], names) if "cells" in arrays else (),
@@ -252,30 +251,6 @@ def _names(stored: NDArray[Any], of: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _alignment(stored: object, of: str) -> Alignment:
-    """Return the alignment that was ``stored``, every number finite."""
-    of = f"the alignment of {of}"
-    values = dict(an_object(stored, of))
-    covariance, bend = values.pop("covariance", None), values.pop("bend", None)
-    for field in fields(Alignment):
-        if field.name not in values:
-            continue
-        if field.type is bool:
-            if not isinstance(values[field.name], bool):
-                raise EndoctError(f"'{field.name}' of {of} cannot be used", expected="true or false")
-        else:
-            values[field.name] = number(values, field.name, -LARGEST, LARGEST, of)
-    if covariance is not None:
-        matrix = np.asarray(covariance, dtype=np.float64)
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-            raise EndoctError(f"'covariance' of {of} cannot be used", expected="3 × 3 finite numbers")
-        covariance = as_covariance(matrix)
-    return Alignment(**values, covariance=covariance, bend=None if bend is None else _bend(bend, of))
-
-
-def _bend(stored: object, of: str) -> Bend:
-    parts = an_object(stored, f"the bend of {of}")
-    kinds = {field.name: a_list(parts, field.name, of) for field in fields(Bend)}
-    return Bend(
-        **{kind: tuple(number({kind: one}, kind, -LARGEST, LARGEST, of) for one in kinds[kind]) for kind in kinds}
-    )
+def _alignment(attributes: Mapping[str, object], of: str) -> Alignment | None:
+    stored = _stored(attributes, "alignment", of)
+    return None if stored is None else checked(StoredAlignment, stored, f"the alignment of {of}").to_alignment()

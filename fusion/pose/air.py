@@ -56,7 +56,7 @@ class AirAround:
         return at.reshape(values.shape[1], *places_mm.shape[:-1])
 
 
-def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround:
+def air_around(ct: CtVolume, plan: Trajectory) -> AirAround:
     """Return the air around ``plan``. Raises :class:`EndoctError` where the plan lies outside ``ct`` or in no bone."""
     corner = np.array([-ASIDE_MM, -ASIDE_MM, -BEYOND_MM])
     across = 1 + round(2 * ASIDE_MM / STEP_MM)
@@ -99,4 +99,4 @@ def air_around(ct: CtVolume, plan: Trajectory, device: str = "cpu") -> AirAround
         share = np.clip((bone - hounsfield) / np.float32(bone - AIR_HU), 0, 1)
     by_z, by_y, by_x = np.gradient(share, STEP_MM)
     values = torch.from_numpy(np.stack([share, by_x, by_y, by_z]).astype(np.float32))[None]
-    return AirAround(values, as_point(corner), plan.length_mm).to(device)
+    return AirAround(values, as_point(corner), plan.length_mm)

@@ -191,19 +191,20 @@ def favours_mirror(air: AirAround, side: Observation, axis: Coordinates) -> bool
     return wrong > right if abs(wrong - right) >= SETTLED else None
 
 
-def turned_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are turned, the same ones for the same pattern."""
+def turned_patterns(pattern: Pattern) -> list[Pattern]:
+    """Return patterns whose pieces are turned, the same ones for the same pattern."""
     rng = np.random.default_rng(SEED)
     n_pieces = _n_pieces(pattern)
-    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)]
+    return [_rearranged(pattern, range(n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(OF_EACH_KIND)]
 
 
-def shuffled_patterns(pattern: Pattern, count: int = OF_EACH_KIND) -> list[Pattern]:
-    """Return ``count`` patterns whose pieces are in another order and turned, the same ones for the same pattern."""
+def shuffled_patterns(pattern: Pattern) -> list[Pattern]:
+    """Return patterns whose pieces are in another order and turned, the same ones for the same pattern."""
     rng = np.random.default_rng(SEED)
     n_pieces = _n_pieces(pattern)
     return [
-        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces)) for _ in range(count)
+        _rearranged(pattern, _without_neighbours(rng, n_pieces), _turns(rng, pattern, n_pieces))
+        for _ in range(OF_EACH_KIND)
     ]
 
 

@@ -1,4 +1,4 @@
-"""The result of a comparison: what ``result.json`` says, also those of older versions.
+"""The result of a comparison: what ``result.json`` says.
 
 It holds the alignment, what landmark pairs did to it and say of it, the scores, and the doubts.
 """
@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, InstanceOf, PlainSerializer, model_validator
 
-from endoct.base.doubt import Doubt, as_doubt, without_doubts
+from endoct.base.doubt import Doubt, as_doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.result.bounds import Bounds
@@ -177,25 +177,6 @@ StoredDoubt = Annotated[InstanceOf[Doubt], BeforeValidator(_read), PlainSerializ
 """A doubt that a result's JSON holds as an object."""
 
 
-def with_doubts_as_list(stored: Mapping[str, object]) -> Mapping[str, object]:
-    """Return the object of a ``result.json`` with one list of doubts.
-
-    Older versions wrote sentences by side, which their notes repeated. An object of neither form is left as it is.
-    """
-    by_side = stored.get("doubts")
-    if not isinstance(by_side, Mapping) or not all(_is_texts(said) for said in by_side.values()):
-        return stored
-    doubts = tuple(_read(text).of_side(str(side)) for side, said in by_side.items() for text in said)
-    notes = stored.get("notes")
-    if isinstance(notes, Mapping) and all(_is_texts(said) for said in notes.values()):
-        notes = {side: without_doubts(tuple(said), doubts) for side, said in notes.items()}
-    return {**stored, "doubts": doubts} | ({} if notes is None else {"notes": notes})
-
-
-def _is_texts(said: object) -> bool:
-    return isinstance(said, list | tuple) and all(isinstance(text, str) for text in said)
-
-
 def as_json(value: object) -> object:
     """Return the dumped ``value`` with lists for its tuples, as JSON read back has it."""
     if isinstance(value, dict):
@@ -266,13 +247,12 @@ class Result(Part):
     wall: of both sides joined; None where they are not aligned, or not one measures depth and the other sees light.
     bounds: what the truth would say of the cells of both, within what bounds; None where there is no ``wall`` of them.
     valid_fraction: share of the wall that both observed, over the ``overlap_mm`` of length that both cover.
-    doubts: what speaks against the whole: the comparison first, then A, then B. Older versions wrote sentences by
-        side, which are read as doubts without a code of their own.
+    doubts: what speaks against the whole: the comparison first, then A, then B.
     notes: by side, what is to be known of some of its frames or rows; none repeats a doubt.
     by_hand: what landmark pairs did and say, where a session with some was given.
     truth: scores by the path of a mask given as truth, then by side.
     raters: how far several such masks agree.
-    asked: what the command was asked for, as its request has it; empty in results of older versions.
+    asked: what the command was asked for, as its request has it.
     versions, inputs, parameters, seconds: by package, path (a SHA-256 each), side (or "compare") and stage.
     """
 
@@ -374,11 +354,3 @@ class Result(Part):
     def to_json(self) -> dict[str, object]:
         """Return the object that ``result.json`` holds, of lists, dicts, texts and numbers only."""
         return {key: as_json(value) for key, value in self.model_dump(exclude_unset=True, by_alias=True).items()}
-
-    @classmethod
-    def from_json(cls, stored: Mapping[str, object]) -> "Result":
-        """Return the result that the object ``stored`` of a ``result.json`` holds.
-
-        Raises ``ValueError`` (pydantic's) where something is missing, not of its kind, or a number beyond 10¹².
-        """
-        return cls.model_validate(with_doubts_as_list(stored))

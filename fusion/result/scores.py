@@ -19,7 +19,6 @@ Count = Annotated[int, Field(ge=0, le=10**12)]
 # JSON has lists only: a list is taken for a tuple, but what it holds is checked strictly
 Interval = Annotated[tuple[Number, Number], Field(strict=False)]
 Numbers = Annotated[tuple[Number, ...], Field(strict=False)]
-Flags = Annotated[tuple[bool, ...], Field(strict=False)]
 Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 

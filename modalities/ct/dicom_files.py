@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, some_of
 from endoct.base.files.files import is_left_by_system, read_start
-from endoct.modalities.ct.stored import EXPECTED, odd_ones
+from endoct.modalities.ct.stored import EXPECTED
 from endoct.modalities.dicom.dicom_file import DIRECTORY, DicomFile, check_parts, is_dicom, kind_of, name_of, read_file
 from endoct.modalities.dicom.image import LAYOUT, check_samples
 
@@ -74,11 +74,11 @@ def dicom_files(path: Path) -> tuple[list[DicomFile], tuple[str, ...]]:
         check_samples(file)
     _check_one_series(path, slices)
     check_parts(slices, path)
-    notes = [f"left out as {'scouts' if len(scouts) > 1 else 'a scout'}: {odd_ones(_names(scouts))}"] if scouts else []
+    notes = [f"left out as {'scouts' if len(scouts) > 1 else 'a scout'}: {some_of(_names(scouts))}"] if scouts else []
     if others := [file for file in files if not _is_image(file)]:
-        notes.append(f"left out as no images: {odd_ones(_names(others))}")
+        notes.append(f"left out as no images: {some_of(_names(others))}")
     if aside:
-        notes.append(f"left out as no DICOM: {odd_ones(aside)}")
+        notes.append(f"left out as no DICOM: {some_of(aside)}")
     return slices, tuple(notes)
 
 
@@ -136,7 +136,7 @@ def _check_one_series(path: Path, files: Sequence[DicomFile]) -> None:
     each = [f"'{said[uid] or uid[-12:]}' ({count} files)" for uid, count in series.most_common()]
     raise EndoctError(
         f"{path} is no volume",
-        found=f"{len(series)} DICOM series: {odd_ones(each)}",
+        found=f"{len(series)} DICOM series: {some_of(each)}",
         expected="one DICOM series in a folder",
         remedy="put the series into a folder of its own",
     )

@@ -8,9 +8,9 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, some_of
 from endoct.modalities.ct.dicom_slices import ALIKE, Slice
-from endoct.modalities.ct.stored import PLACE_MM, odd_ones
+from endoct.modalities.ct.stored import PLACE_MM
 
 FEWEST = 3
 """A volume has at least so many slices; of two nobody could say that they are even."""
@@ -51,7 +51,7 @@ def slice_grid(slices: Sequence[Slice], name: str) -> SliceGrid:
     usual = max(Counter(map(_axes, slices)).items(), key=lambda item: item[1])[0]
     turned = [slice_.name for slice_ in slices if np.abs(np.subtract(_axes(slice_), usual)).max() > 0.01]
     if turned:
-        raise _refused(name, f"another orientation in {odd_ones(turned)}", "one orientation of all slices")
+        raise _refused(name, f"another orientation in {some_of(turned)}", "one orientation of all slices")
     normal = np.median([slice_.normal for slice_ in slices], axis=0)
     normal /= np.linalg.norm(normal)
     ordered = sorted(slices, key=lambda slice_: float(slice_.position_mm @ normal))
@@ -89,7 +89,7 @@ def _check_alike(slices: Sequence[Slice], name: str) -> None:
         others = [slice_.name for slice_, value in zip(slices, values, strict=True) if value != usual]
         value = next(value for value in values if value != usual)
         found = (
-            f"{what} {str(value)[-40:] or 'not stated'} in {odd_ones(others)}, {str(usual)[-40:] or 'not stated'} else"
+            f"{what} {str(value)[-40:] or 'not stated'} in {some_of(others)}, {str(usual)[-40:] or 'not stated'} else"
         )
         raise _refused(name, found, f"one {what} in all slices")
 

@@ -6,7 +6,7 @@ Voxels lie after a header, or in a file that it names, plain or compressed; neve
 import bz2
 import os
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -132,12 +132,6 @@ def layers_as_one(
 def segments_of(names: Mapping[int, str]) -> tuple[Segment, ...]:
     """Return names by label as segments that do not overlap."""
     return tuple(Segment(label, name, (label,)) for label, name in sorted(names.items()))
-
-
-def odd_ones(names: Sequence[str], most: int = 3) -> str:
-    """Return some names for a message: "a.dcm, b.dcm and 4 more"."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return f"{', '.join(names[:most])}{more}"
 
 
 def named_file(header: Path, name: object) -> Path:

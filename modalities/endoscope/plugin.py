@@ -5,7 +5,7 @@ Every other step has a module of its own.
 """
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -106,11 +106,9 @@ def locate_in_frame(index: int, places: Places, calibration: EndoscopeCalibratio
     return {name: np.where(seen[:, np.newaxis], xy, np.nan) for name, xy in (("frame", pixel), ("strip", strip))}
 
 
-@dataclass(frozen=True)
 class EndoscopeModality:
-    """The cone-mirror endoscope. ``device``: where torch samples frames; None: on the CPU, without torch."""
+    """The cone-mirror endoscope; it has no state."""
 
-    device: str | None = None
     parameters = EndoscopeParameters
     sniff = staticmethod(sniff_frames)
     open = staticmethod(open_frames)
@@ -118,10 +116,6 @@ class EndoscopeModality:
     illustrate = staticmethod(picture_frame)
     locate = staticmethod(locate_in_frame)
     calibrate = staticmethod(calibrate_endoscope)
-
-    def on_device(self, device: str) -> "EndoscopeModality":
-        """Return the plug-in that samples frames for their strips on ``device``; the rest stays where it is."""
-        return EndoscopeModality(device)
 
     def reading_once(
         self,
@@ -133,7 +127,7 @@ class EndoscopeModality:
 
     def unroll(self, frame: Frame, calibration: EndoscopeCalibration) -> Strip:
         """Turn one frame into a strip. Pure."""
-        return unroll_frame(frame, calibration, self.device)
+        return unroll_frame(frame, calibration)
 
     def add_depth(
         self,

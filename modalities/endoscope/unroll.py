@@ -19,8 +19,8 @@ LEAST_WEIGHT = 1e-3
 _ROOM = Room()
 
 
-def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | None = None) -> Strip:
-    """Return ``frame`` on those of the panorama's rows that it shows; by torch where ``device`` is one of torch's."""
+def unroll_frame(frame: Frame, calibration: EndoscopeCalibration) -> Strip:
+    """Return ``frame`` on those of the panorama's rows that it shows."""
     c = calibration
     half_mm = float(c.strip_z_mm[-1])
     centre_mm = float(c.z_mm[frame.index])
@@ -39,16 +39,10 @@ def unroll_frame(frame: Frame, calibration: EndoscopeCalibration, device: str | 
     flat_rows = (fine_z - c.strip_z_mm[0]) / (c.strip_z_mm[1] - c.strip_z_mm[0])
     flat_columns = fine_angle / (2 * np.pi) * c.flat.log_light.shape[1]
     shape = z_mm.size, theta_rad.size
-    if device is None:
-        light = _sampled(image, columns, rows)
-        on_bone = c.flat.transmission(flat_rows, flat_columns, _ROOM)
-        intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
-        _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
-    else:
-        from endoct.modalities.endoscope.on_device import averaged  # which loads torch
-
-        intensity, good = averaged(image, (columns, rows), c.flat, (flat_rows, flat_columns), shape, device)
-        intensity /= np.exp(c.exposure[frame.index])
+    light = _sampled(image, columns, rows)
+    on_bone = c.flat.transmission(flat_rows, flat_columns, _ROOM)
+    intensity, good = np.empty(shape, np.float32), np.empty(shape, np.bool_)
+    _average(light, on_bone, np.exp(c.exposure[frame.index]), intensity, good)
 
     return Strip(
         z_mm=z_mm,

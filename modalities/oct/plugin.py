@@ -4,7 +4,6 @@ Pictures show where places of the wall are seen: which beam meets a place, and h
 Every other step has a module of its own.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -103,11 +102,9 @@ def locate_in_bscan(index: int, places: Places, calibration: OctCalibration) -> 
     }
 
 
-@dataclass(frozen=True)
 class OctModality:
-    """Catheter OCT. ``device``: where torch makes B-scans of raw spectra; None: on the CPU, without torch."""
+    """Catheter OCT; it has no state."""
 
-    device: str | None = None
     parameters = OctParameters
     sniff = staticmethod(sniff_pullback)
     survey = staticmethod(survey_pullback)
@@ -119,15 +116,11 @@ class OctModality:
     write_volume = staticmethod(write_volume)
     calibrate = staticmethod(calibrate_pullback)
 
-    def on_device(self, device: str) -> "OctModality":
-        """Return the plug-in that makes B-scans of raw spectra on ``device``; the rest stays where it is."""
-        return OctModality(device)
-
     def open(self, path: Path, acquisition: Acquisition) -> Pullback:
         """Open a pullback. Raises :class:`EndoctError` where it is unusable."""
         if not isinstance(acquisition, OctAcquisition):
             raise EndoctError("a pullback needs the sidecar of an OCT", found=type(acquisition).__name__)
-        return Pullback(path, acquisition, self.device)
+        return Pullback(path, acquisition)
 
 
 OCT: VolumetricModality[OctParameters, OctCalibration] = OctModality()

@@ -45,13 +45,13 @@ class UnstatedSpectra(EndoctError):
     """A recording seems to hold raw spectra, which its sidecar does not say."""
 
 
-def open_pages(path: Path, spectra: SpectraKeys | None, device: str | None = None) -> ImageStack:
-    """Open a stack of B-scans (depth, A-scan), or one that is made of raw ``spectra`` page by page, on ``device``.
+def open_pages(path: Path, spectra: SpectraKeys | None) -> ImageStack:
+    """Open a stack of B-scans (depth, A-scan), or one that is made of raw ``spectra`` page by page.
 
     Raises :class:`EndoctError` where there is nothing to read.
     """
     if spectra is not None:
-        return open_spectra(path, spectra, device)
+        return open_spectra(path, spectra)
     try:
         return open_stack(path).grey()
     except EndoctError:
@@ -64,12 +64,11 @@ def open_pages(path: Path, spectra: SpectraKeys | None, device: str | None = Non
 class Pullback:
     """A pullback as a stream: sized, indexable, picklable; ``stream[i].samples`` is one B-scan (A-scan, depth).
 
-    Of raw spectra it is made on ``device``, as torch names it; None: on the CPU, without torch.
     Raises :class:`EndoctError` where the file holds no stack of B-scans.
     """
 
-    def __init__(self, path: Path, acquisition: OctAcquisition, device: str | None = None) -> None:
-        self._stack: ImageStack = open_pages(path, acquisition.spectra, device)
+    def __init__(self, path: Path, acquisition: OctAcquisition) -> None:
+        self._stack: ImageStack = open_pages(path, acquisition.spectra)
         self._on_stated = on_stated(path, acquisition)
         if acquisition.spectra is not None:
             acquisition = acquisition.model_copy(update={"intensity": "log", "db_per_count": 1 / COUNTS_PER_DB})

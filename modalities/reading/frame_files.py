@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, some_of
 from endoct.modalities.reading.frame_names import (
     LONGEST_NUMBER,
     Name,
@@ -160,10 +160,10 @@ def _of_several_forms(folder: Path, names: list[Name]) -> tuple[list[Name], int 
         n_leading = len(names[0].numbers)
     if not n_leading or len({name.numbers[:n_leading] for name in names}) < len(names):
         one = {name.form: name.path.name[:60] for name in reversed(names)}
-        listed = ", ".join(f"{one[form]} ({count})" for form, count in forms.most_common(3))
+        listed = [f"{one[form]} ({count})" for form, count in forms.most_common()]
         raise EndoctError(
             f"{folder} holds images of several series",
-            found=listed + (f" and {len(forms) - 3} more" if len(forms) > 3 else ""),
+            found=some_of(listed),
             expected="images whose names differ by a number alone",
             remedy="keep each recording in a folder of its own, and other images elsewhere",
         )

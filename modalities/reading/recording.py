@@ -1,6 +1,6 @@
 """Stacks of equal frames, read one at a time: a file of one of the formats, or a folder of them or of images."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -236,10 +236,10 @@ def _located(path: Path) -> tuple[Format, Files] | None:
     return form, tuple(whole)
 
 
-def _format_of(path: Path, formats: Sequence[Format] = FORMATS) -> Format | None:
+def _format_of(path: Path) -> Format | None:
     """Return the format that claims a file or a folder, None where none does."""
     folder = is_folder(path)
-    return next((form for form in formats if form.is_folder == folder and form.claims(path)), None)
+    return next((form for form in FORMATS if form.is_folder == folder and form.claims(path)), None)
 
 
 def gives_frames(path: Path) -> bool:

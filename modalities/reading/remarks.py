@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from endoct.base.doubt import Doubt
+from endoct.base.errors import some_of
 
 MOST_NAMES = 4
 
@@ -40,5 +41,4 @@ def remarks_of(stream: object) -> Remarks:
 
 def some_names(names: list[str]) -> str:
     """Return the first of ``names`` as a sentence lists them, with how many more there are."""
-    listed = ", ".join(name[:60] for name in names[:MOST_NAMES])
-    return listed if len(names) <= MOST_NAMES else f"{listed} and {len(names) - MOST_NAMES} more"
+    return some_of([name[:60] for name in names], MOST_NAMES)

@@ -68,11 +68,6 @@ class Echoes:
     slant_rad: Coordinates
     beyond_mm: Coordinates
 
-    @property
-    def surface_path_mm(self) -> Coordinates:
-        """Optical path to the first surface beyond the capillary, mm."""
-        return np.fmin(self.wall_path_mm, self.fluid_path_mm)
-
 
 @dataclass(frozen=True, eq=False)
 class Refracted:

@@ -2,7 +2,7 @@
 
 import pickle
 
-from endoct.base.errors import EndoctError
+from endoct.base.errors import EndoctError, some_of
 
 
 def test_one_line_in_order() -> None:
@@ -15,3 +15,9 @@ def test_pickling_keeps_everything() -> None:
     error = EndoctError("a", found="b", expected="c", remedy="d")
     copy = pickle.loads(pickle.dumps(error))
     assert (copy.what, copy.found, copy.expected, copy.remedy, str(copy)) == ("a", "b", "c", "d", str(error))
+
+
+def test_of_many_names_some_are_listed_and_the_others_counted() -> None:
+    assert some_of(["a", "b", "c"]) == "a, b, c"
+    assert some_of(("a", "b", "c", "d", "e")) == "a, b, c and 2 more"
+    assert some_of(["a", "b"], most=1) == "a and 1 more"

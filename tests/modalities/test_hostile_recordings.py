@@ -28,7 +28,7 @@ from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.reading.tiff import is_tiff
 from endoct.modalities.reading.video import ReadVideo
 from endoct.modalities.reading.video_container import container_of
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import recognise
 from endoct.stitching.grid import SurfaceGrid
 from tests.modalities.numbered import positions_by_number
 
@@ -107,7 +107,7 @@ def test_a_pipe_is_refused_at_once(name: str, tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / name):
         assert "a pipe" in refused(path)
         with pytest.raises(EndoctError):
-            manifest_for(path)
+            recognise(path)
     assert not is_tiff(tmp_path / name)
     assert not container_of(tmp_path / name)
 
@@ -381,7 +381,7 @@ def test_a_folder_that_cannot_be_listed_is_told(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(Path, "iterdir", denied)
     assert "Permission denied" in refused(tmp_path)
     with pytest.raises(EndoctError, match="Permission denied"):
-        manifest_for(tmp_path)
+        recognise(tmp_path)
 
 
 def test_links_in_a_circle_are_told(tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_links_in_a_circle_are_told(tmp_path: Path) -> None:
     (tmp_path / "b.png").symlink_to(tmp_path / "a.png")
     assert "symbolic links" in refused(tmp_path)
     with pytest.raises(EndoctError, match="does not exist"):
-        manifest_for(tmp_path / "a.png")
+        recognise(tmp_path / "a.png")
 
 
 @pytest.mark.parametrize(

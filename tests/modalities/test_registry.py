@@ -12,7 +12,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities import registry
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Manifest, Sniff
-from endoct.modalities.recognition import open_recording
+from endoct.modalities.recognition import open_recording, recognise
 
 
 class Reader:
@@ -72,42 +72,42 @@ def test_every_plug_in_is_found_by_name() -> None:
 
 def test_content_decides_where_nobody_says(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
-    assert registry.manifest_for(tmp_path) is SONAR_MANIFEST
+    assert recognise(tmp_path).manifest is SONAR_MANIFEST
 
 
 def test_the_sidecar_beats_the_content_and_the_user_beats_both(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     (tmp_path / "acquisition.toml").write_text('modality = "lidar"\n')
-    assert registry.manifest_for(tmp_path) is LIDAR_MANIFEST
-    assert registry.manifest_for(tmp_path, "sonar") is SONAR_MANIFEST
+    assert recognise(tmp_path).manifest is LIDAR_MANIFEST
+    assert recognise(tmp_path, "sonar").manifest is SONAR_MANIFEST
 
 
 def test_two_that_claim_one_path_are_both_named(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     (tmp_path / "lidar").touch()
     with pytest.raises(EndoctError, match=r"could be lidar or sonar.*modality='NAME'"):
-        registry.manifest_for(tmp_path)
+        recognise(tmp_path)
 
 
 def test_of_two_that_claim_one_path_the_surer_reads_it(tmp_path: Path) -> None:
     (tmp_path / "sonar").touch()
     (tmp_path / "lidar").write_text("unsure")
-    assert registry.manifest_for(tmp_path) is SONAR_MANIFEST
+    assert recognise(tmp_path).manifest is SONAR_MANIFEST
     (tmp_path / "sonar").write_text("unsure")
     with pytest.raises(EndoctError, match="could be lidar or sonar"):
-        registry.manifest_for(tmp_path)
+        recognise(tmp_path)
 
 
 def test_none_gives_every_reason(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match=r"no modality reads .*lidar: no file lidar, sonar: no file sonar"):
-        registry.manifest_for(tmp_path)
+        recognise(tmp_path)
 
 
 def test_unknown_names_and_missing_paths(tmp_path: Path) -> None:
     with pytest.raises(EndoctError, match="unknown modality 'radar'; expected one of lidar, sonar"):
-        registry.manifest_for(tmp_path, "radar")
+        recognise(tmp_path, "radar")
     with pytest.raises(EndoctError, match="does not exist"):
-        registry.manifest_for(tmp_path / "missing")
+        recognise(tmp_path / "missing")
 
 
 def test_opening_needs_a_sidecar_and_overrides_replace_its_keys(tmp_path: Path) -> None:
@@ -162,4 +162,4 @@ def test_the_registry_imports_neither_torch_nor_opencv() -> None:
 def test_a_modality_that_is_no_text_is_said(tmp_path: Path) -> None:
     (tmp_path / "acquisition.toml").write_text('modality = ["oct"]\n')
     with pytest.raises(EndoctError, match="is no name"):
-        registry.manifest_for(tmp_path)
+        recognise(tmp_path)

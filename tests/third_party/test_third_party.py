@@ -17,6 +17,7 @@ from tolerances import ALIGNMENT_THETA_RAD, ALIGNMENT_Z_MM
 
 from endoct.modalities import registry
 from endoct.modalities.conformance import CHECKS, Check, Subject
+from endoct.modalities.recognition import recognise
 
 PACKAGE = Path(__file__).parent / "endoct-profilometer"
 RADIUS_MM, PITCH_MM, N_THETA = 1.25, 0.1, 720
@@ -95,7 +96,7 @@ def test_it_conforms(check: Check, subject: Subject) -> None:
 def test_it_claims_its_recording_without_being_named(walls: tuple[Path, Path], tmp_path: Path) -> None:
     for turn in sorted(walls[0].glob("*.csv"))[:3]:
         (tmp_path / turn.name).write_bytes(turn.read_bytes())
-    assert registry.manifest_for(tmp_path).name == "profilometer"
+    assert recognise(tmp_path).manifest.name == "profilometer"
 
 
 def test_it_is_listed(installed: Path) -> None:

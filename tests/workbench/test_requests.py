@@ -147,6 +147,6 @@ def test_a_function_takes_a_request_or_its_parts() -> None:
 def test_what_was_asked_for_is_in_words_and_without_defaults() -> None:
     asked = CompareRequest(Path("a"), "b", "out", settings_b={"travel": "in", "seed": 3, "flat": True}, overwrite=True)
     assert asked.asked() == {"a": "a", "b": "b", "settings_b": ("travel=in", "seed=3", "flat=true")}
-    assert CompareRequest("a", "b", settings=("n_theta=512",), truth=(Path("m.png"),), device="cuda").asked() == {
-        "a": "a", "b": "b", "settings": ("n_theta=512",), "truth": ("m.png",), "device": "cuda",
+    assert CompareRequest("a", "b", settings=("n_theta=512",), truth=(Path("m.png"),)).asked() == {
+        "a": "a", "b": "b", "settings": ("n_theta=512",), "truth": ("m.png",),
     }  # fmt: skip

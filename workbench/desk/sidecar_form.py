@@ -20,13 +20,13 @@ from pydantic.fields import FieldInfo
 
 from endoct.base.compute.worker_process import WorkerProcess, worker_process
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import exists, inside, is_folder, read_small, sha256_of, text_of
+from endoct.base.files.files import exists, is_folder, read_small, sha256_of, text_of
 from endoct.base.files.output import new_output
 from endoct.modalities.acquisition import (
     Acquisition,
     check_values,
+    cited_keys,
     field_limits,
-    read_toml,
     table_model,
     unit_of,
     validate,
@@ -121,20 +121,7 @@ class SidecarForm:
             out.write_bytes(text.encode())  # with the ends of lines that it has
 
     def _all(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        return {**self.recognised.stated.keys, **self._cited_by(own), **own}
-
-    def _cited_by(self, own: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the keys of the calibration that ``own`` cites, which may be another than the sidecar does.
-
-        Raises :class:`EndoctError` where it cannot be read, or a key stands in both.
-        """
-        name = own.get("calibration")
-        if not isinstance(name, str):
-            return {}
-        cited = read_toml(inside(self.recognised.sidecar.parent, name, "'calibration'"))
-        if both := sorted(own.keys() & cited.keys()):
-            raise EndoctError(f"{', '.join(both)} stands in {name}, too", remedy="keep it in one of them")
-        return cited
+        return {**self.recognised.stated.keys, **cited_keys(self.recognised.sidecar, own), **own}
 
     def _check_values(self, own: Mapping[str, Any]) -> None:
         """Raise :class:`EndoctError` for a value that cannot be used; keys may still be missing."""

@@ -19,6 +19,7 @@ from PIL import Image as Pillow
 from endoct.base.arrays import Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.compute.parallel import thread_map
+from endoct.base.numeric.ranks import robust_limits
 from endoct.base.zarr.window import ChunkCache, stored_image
 from endoct.fusion.evidence import MASK_MODALITY
 from endoct.fusion.files.masks import DRAWN_STORE, read_drawn
@@ -113,19 +114,10 @@ Layer = Scalar | Classes
 
 def scalar(plane: Plane) -> Scalar:
     """Return the layer of the numbers of ``plane``, its codes spread over nearly all values that it has."""
-    low, high = shown_range(plane.overview().averaged, 0.05, 99.95)
+    overview = plane.overview().averaged
+    low, high = robust_limits(overview.values, overview.known, 0.05, 99.95)
     spare = (high - low) / 20
     return Scalar(plane, low - spare, high + spare)
-
-
-def shown_range(overview: Averaged, least: float = 0.5, most: float = 99.5) -> tuple[float, float]:
-    """Return two percentiles of what was observed, (0, 1) where nothing was."""
-    known = overview.values[overview.known]
-    if not known.size:
-        return 0.0, 1.0
-    low, high = (float(value) for value in np.percentile(known[:: max(1, known.size // 400_000)], [least, most]))
-    room = max(0.5, abs(low) / 1000)  # beside a huge number nothing less makes a difference
-    return (low, high) if high - low > abs(low) * np.finfo(np.float32).eps else (low - room, low + room)
 
 
 @compiled
@@ -282,7 +274,8 @@ def _plane(
 
 def _numbers(named: str, side: str | None, name: str, plane: Plane, wall: TileWall) -> Described:
     layer, (key, title, quantity, unit) = scalar(plane), TITLES[name]
-    shown_low, shown_high = shown_range(plane.overview().averaged)
+    overview = plane.overview().averaged
+    shown_low, shown_high = robust_limits(overview.values, overview.known)
     limits = layer.low, layer.high, shown_low, shown_high
     sampled, words = _sampling(plane, wall), (quantity, unit)
     part = LayerPart(f"{named}-{key}", f"{named}: {title}", side, "scalar", *words, *limits, classes=(), **sampled)

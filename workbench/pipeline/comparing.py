@@ -162,8 +162,8 @@ def _given(request: "CompareRequest") -> Given:
     settings = with_recipe(request.recipe, "compare", parse(request.settings))
     parameters = validate(CompareParameters, settings, "the settings of the comparison")
     sources = (
-        source_of(request.a, request.modality_a, request.settings_a, request.device, request.recipe),
-        source_of(request.b, request.modality_b, request.settings_b, request.device, request.recipe),
+        source_of(request.a, request.modality_a, request.settings_a, request.recipe),
+        source_of(request.b, request.modality_b, request.settings_b, request.recipe),
     )
     session = None if request.session is None else Path(request.session)
     truth, known = (tuple(map(Path, paths)) for paths in (request.truth, request.known))

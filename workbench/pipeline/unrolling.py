@@ -40,7 +40,6 @@ def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, 
         modality=request.modality,
         recipe=request.recipe,
         settings=parse(request.settings),
-        device=request.device,
     )
     unrolled = unroll_recording(recording, stages)
     panorama = unrolled.panorama

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from endoct.base.arrays import Coordinates, Image
+from endoct.base.numeric.ranks import robust_limits
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.placement import IN_PLACE, Sampling, common_grid
 from endoct.fusion.pose import search
@@ -34,11 +35,11 @@ from endoct.workbench.report.figures.drawing import (
     new_figure,
     place,
     render,
-    robust_limits,
 )
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     colour_bar,
+    draw_outline,
     panel_figure,
     scale_text,
     show_surface,
@@ -121,7 +122,7 @@ def draw_wall(side: Side, prediction: Panorama) -> Drawn:
             image = show_surface(axes[k], coarse, thin, known & np.isfinite(thin), colours, *limits)
             colour_bar(axes[k], image, unit)
             if outlined:
-                _outline(axes[k], coarse, thin_bone, BLUE if by_depth else ORANGE)
+                draw_outline(axes[k], coarse, np.nan_to_num(thin_bone, nan=1.0), BLUE if by_depth else ORANGE)
         wall_panel(axes[2], grid, "(c) predicted by the CT", first=False)
         image = show_surface(axes[2], coarse, thin_bone, np.isfinite(thin_bone), INTENSITY_COLOURS, 0.0, 1.0)
         colour_bar(axes[2], image, "share of bone")
@@ -200,11 +201,3 @@ def _outline_structures(
         axes.contour(z, aside, inside, levels=[LEAST_SHARE], colors=[colour], linewidths=1.0)
         found[name] = colour
     return found
-
-
-def _outline(axes: Axes, grid: SurfaceGrid, bone: NDArray[np.floating], colour: str) -> None:
-    # one column more on either side, so that outlines run on over the seam
-    degrees = np.degrees(grid.theta0_rad + grid.dtheta_rad * np.arange(-1, grid.n_theta + 1))
-    padded = np.pad(np.nan_to_num(bone, nan=1.0), ((0, 0), (1, 1)), mode="wrap")
-    if padded.max() > 0.5 > padded.min():
-        axes.contour(degrees, grid.z_mm, padded, levels=[0.5], colors=[colour], linewidths=0.7)

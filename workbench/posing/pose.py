@@ -52,7 +52,7 @@ def pose(request: PoseRequest) -> "PoseResult":
     check_device(request.device)
     options = ((request.modality_a, request.settings_a), (request.modality_b, request.settings_b))
     sources = tuple(
-        side_of_comparison(source_of(side, modality, settings, request.device))
+        side_of_comparison(source_of(side, modality, settings))
         for side, (modality, settings) in zip(
             request.sides, (*options, *[(None, None)] * len(request.sides)), strict=False
         )

@@ -15,7 +15,7 @@ from endoct.fusion.pose.summary import PoseSummary, radius_of
 from endoct.fusion.pose.wall import EDGE, FIRST_STRETCH, FIRST_TWIST, RADIUS, RIMS, SCALE, TURN
 from endoct.modalities.ct.ct_volume import in_world
 from endoct.modalities.ct.stored import SIGNS, Convention
-from endoct.modalities.ct.trajectory import Point, Trajectory
+from endoct.modalities.ct.trajectory import Point, Trajectory, as_point
 from endoct.workbench.pipeline.volumes import VolumeFacts
 from endoct.workbench.running.outputs import versions
 
@@ -91,7 +91,7 @@ class PoseResult:
 
     def place(self, depth_mm: float) -> Point:
         """Return the point of the bore's axis at a depth from the planned entry, mm in ``coordinates``."""
-        return in_world(_point(self.answer.pose.axis_lps(np.array([depth_mm]))[0].tolist()), self.coordinates)
+        return in_world(as_point(self.answer.pose.axis_lps(np.array([depth_mm]))[0]), self.coordinates)
 
     def __repr__(self) -> str:
         target = self.summary.at_target.distance_mm
@@ -224,8 +224,8 @@ def ends_json(line: Trajectory, coordinates: Convention) -> dict[str, Any]:
 
 def axis_of(pose: BorePose) -> Trajectory:
     """Return the axis of a bore from the depth of its plan's entry to that of its target."""
-    entry, target = pose.axis_lps(np.array([0.0, pose.plan.length_mm])).tolist()
-    return Trajectory(_point(entry), _point(target))
+    entry, target = pose.axis_lps(np.array([0.0, pose.plan.length_mm]))
+    return Trajectory(as_point(entry), as_point(target))
 
 
 def in_convention(to_lps: Coordinates, coordinates: Convention) -> Coordinates:
@@ -241,11 +241,6 @@ def estimate_text(value: Estimate, digits: int = 2) -> str:
 def place_text(place: Point) -> str:
     """Return "12.5, −40.0, 7.1"."""
     return ", ".join(f"{value:.1f}" for value in place).replace("-", "−")
-
-
-def _point(values: list[float]) -> Point:
-    x, y, z = values
-    return x, y, z
 
 
 def _prospect(prospect: Prospect) -> dict[str, Any]:

@@ -36,7 +36,6 @@ TITLES: Mapping[str, str] = MappingProxyType(
         "alignment": "The sides on each other",
         "depth": "Depth",
         "frames": "Single frames, as recorded and as processed",
-        "cylinder": "The bore in three dimensions",
         "numbers": "Overlap and alignment",
         "sides": "The two sides",
         "notes": "Notes",

@@ -22,7 +22,6 @@ from endoct.modalities.contract import (
     ParallaxModality,
     ReadingOnce,
 )
-from endoct.modalities.device import Device
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.modalities.recognition import recognise
 from endoct.stitching.panorama import TRAVEL_BY_DEFAULT, Panorama, doubts_of_observed
@@ -38,14 +37,13 @@ if TYPE_CHECKING:  # else the process that unrolls the second side would load wh
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording that is known to be readable, with how and where to process it, and its files as they were."""
+    """A recording that is known to be readable, with how to process it, and its files as they were."""
 
     path: Path
     files: State
     manifest: Manifest
     stream: FrameStream
     parameters: Any
-    device: Device
 
 
 @dataclass(frozen=True)
@@ -84,19 +82,17 @@ def open_recording(
     modality: str | None = None,
     recipe: "RecipeName | None" = None,
     settings: Mapping[str, object] | None = None,
-    device: Device = "cpu",
 ) -> Recording:
     """Open the recording at ``path`` without unrolling it.
 
-    ``settings`` holds keys of its sidecar and of its plug-in's parameters, in place of those of the ``recipe``;
-    ``device`` is where to compute what the plug-in can compute elsewhere than on the CPU. Raises :class:`EndoctError`
-    where the recording, its sidecar, the recipe or a setting cannot be used.
+    ``settings`` holds keys of its sidecar and of its plug-in's parameters, in place of those of the ``recipe``. Raises
+    :class:`EndoctError` where the recording, its sidecar, the recipe or a setting cannot be used.
     """
     files = state_of(path)  # taken before any of it is read
     recognised = recognise(path, modality)
     manifest = recognised.manifest
     overrides, parameters = split(with_recipe(recipe, manifest.name, settings or {}), manifest)
-    return Recording(path, files, manifest, recognised.open(overrides, device), parameters, device)
+    return Recording(path, files, manifest, recognised.open(overrides), parameters)
 
 
 def _travel_by_default(acquisition: Acquisition) -> Mapping[str, str]:
@@ -113,7 +109,7 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
     """
     manifest, stream, parameters = recording.manifest, recording.stream, recording.parameters
     title = f"{label} {manifest.name}".strip()
-    implementation = manifest.load(recording.device)
+    implementation = manifest.load()
     with (
         in_background(partial(digests, recording.path)) as inputs,
         _read_once(implementation, stream, parameters) as frames,
@@ -131,7 +127,7 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
                     "parameters": parameters.model_dump(mode="json"),
                     "acquisition": stream.acquisition.model_dump(mode="json", exclude_none=True),
                     **_travel_by_default(stream.acquisition),
-                    **_made_with(recording.device),
+                    "versions": versions(),
                 },
             )
         if hasattr(implementation, "add_depth"):
@@ -162,11 +158,6 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
         notes=(*remarks.notes, *panorama.notes),
     )
     return Unrolled(recording, panorama, calibration)
-
-
-def _made_with(device: Device) -> dict[str, object]:
-    """Return the versions that a panorama depends on and, where it is not the CPU, the device that was asked for."""
-    return {"versions": versions()} if device == "cpu" else {"versions": versions("torch"), "device": device}
 
 
 def _read_once(

@@ -16,7 +16,6 @@ from endoct.base.files.files import digests
 from endoct.fusion.evidence.side import DrawnMask, Side, two_sides
 from endoct.fusion.files.masks import read_mask, stored_mask
 from endoct.fusion.geometry.placement import check_same_bore
-from endoct.modalities.device import Device
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import load_panorama
 from endoct.workbench.kinds import MASK, is_comparison, kind_at
@@ -39,7 +38,7 @@ Ready = Unrolled | Panorama | DrawnMask | Path
 
 @dataclass(frozen=True)
 class Source:
-    """Where one side of a comparison comes from: a path, or a panorama at hand; ``device``: where to unroll it.
+    """Where one side of a comparison comes from: a path, or a panorama at hand.
 
     ``settings`` win over those of the ``recipe``.
     """
@@ -47,7 +46,6 @@ class Source:
     given: Path | Panorama
     modality: str | None
     settings: Mapping[str, object]
-    device: Device = "cpu"
     recipe: "RecipeName | None" = None
 
     @property
@@ -60,11 +58,10 @@ def source_of(
     given: "Recorded",
     modality: str | None,
     settings: "Settings",
-    device: Device,
     recipe: "RecipeName | None" = None,
 ) -> Source:
     """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
-    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), device, recipe)
+    return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), recipe)
 
 
 def open_sides(sources: Sequence[Source]) -> tuple[Opened, ...]:
@@ -154,7 +151,7 @@ def unroll_sources(
 
 
 def _unroll_b(recording: Recording, stages: Stages) -> Unrolled:
-    recording.manifest.load(recording.device)  # first, so that the libraries it brings keep to one thread as well
+    recording.manifest.load()  # first, so that the libraries it brings keep to one thread as well
     with one_blas_thread():
         return unroll_recording(recording, stages, "B")
 
@@ -203,7 +200,6 @@ def open_source(source: Source) -> Opened:
         modality=source.modality,
         recipe=source.recipe,
         settings=source.settings,
-        device=source.device,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates
 from endoct.base.compute.compiled import compiled
-from endoct.modalities.oct.face.face_circle import Circle, circle_distance_mm
+from endoct.modalities.oct.face.face_circle import Circle
 from endoct.modalities.oct.face.faces import Faces
 from endoct.modalities.oct.face.slices import SliceFeatures
 
@@ -57,26 +57,16 @@ class Glass:
         turned = np.arcsin(inner) - np.arcsin(inner / index) - np.arcsin(outer) + np.arcsin(outer / index)
         return np.asarray(turned)
 
-    def face_distance_mm(self, beam_rad: Coordinates, x_mm: float, y_mm: float) -> Coordinates:
-        """Return the optical path to the outer face, less the glass's delay where a beam meets it squarely, mm.
-
-        The catheter is off the axis by (x, y). An oblique beam is refracted, which changes its path by micrometres.
-        """
-        if not self.thickness_mm:
-            return circle_distance_mm(beam_rad, x_mm, y_mm, self.outer_radius_mm)
-        cosine, sine = np.cos(beam_rad), np.sin(beam_rad)
-        distances = [
-            face_distance(c, s, x_mm, y_mm, self.outer_radius_mm, self.thickness_mm)
-            for c, s in zip(cosine, sine, strict=True)
-        ]
-        return np.array(distances)
-
 
 @compiled
 def face_distance(
     cosine: float, sine: float, x_mm: float, y_mm: float, outer_radius_mm: float, thickness_mm: float
 ) -> float:
-    """Return :meth:`Glass.face_distance_mm` of one beam, given cosine and sine of its direction."""
+    """Return the optical path to the outer face, less the glass's delay where a beam meets it squarely, mm.
+
+    The beam's direction has that ``cosine`` and ``sine``; the catheter is off the axis by (x, y). An oblique beam is
+    refracted, which changes its path by micrometres.
+    """
     across = x_mm * sine - y_mm * cosine
     inner_mm = outer_radius_mm - thickness_mm
     within = (across / GLASS_INDEX) ** 2

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +35,6 @@ from endoct.modalities.reading.remarks import Remarks
 from endoct.modalities.reading.thorlabs import THORLABS, open_scan, read_ascans
 from endoct.modalities.reading.thorlabs_file import AScans, BScan, Container
 
-if TYPE_CHECKING:
-    from endoct.modalities.oct.spectra.on_device import OnDevice
-
 SHARPER = 1.5
 SHALLOW = 4  # of the depth, this part
 APODISATION = "data/ApodizationSpectrum.data"
@@ -52,7 +48,7 @@ _ROOM = Room()
 class ReadSpectra:
     """Reads slices of raw spectra: called with an index, returns the B-scan, u16 (depth, A-scan)."""
 
-    def __init__(self, slices: Slices, keys: SpectraKeys, chain: "Reconstruction | OnDevice") -> None:
+    def __init__(self, slices: Slices, keys: SpectraKeys, chain: Reconstruction) -> None:
         self.slices, self.keys, self.chain = slices, keys, chain
 
     @property
@@ -65,15 +61,14 @@ class ReadSpectra:
         return self.chain.bscan(self.slices.counts(index, self.keys)).T
 
 
-def open_spectra(path: Path, keys: SpectraKeys, device: str | None = None) -> ImageStack:
+def open_spectra(path: Path, keys: SpectraKeys) -> ImageStack:
     """Open a folder, or a file, of raw spectra as a stack of B-scans (depth, A-scan); only the first is made.
 
-    They are made on ``device``, as torch names it; None: on the CPU, without torch. Where ``keys`` do not state how
-    long a turn is, some of all A-scans are read to find that.
+    Where ``keys`` do not state how long a turn is, some of all A-scans are read to find that.
     Raises :class:`EndoctError` where a file that ``keys`` name is missing, or does not fit them.
     """
     if (files := files_of(path, THORLABS)) is not None:
-        return open_thorlabs(path, files, keys, device)
+        return open_thorlabs(path, files, keys)
     if keys.background == "apodisation":
         raise EndoctError(
             "'spectra.background' cannot be 'apodisation'",
@@ -82,15 +77,7 @@ def open_spectra(path: Path, keys: SpectraKeys, device: str | None = None) -> Im
         )
     chain = chain_of(keys, partial(read_vector, path if is_folder(path) else path.parent))
     slices = find_slices(path, keys, chain)
-    return ImageStack(path, len(slices), ReadSpectra(slices, keys, _on(device, chain)))
-
-
-def _on(device: str | None, chain: Reconstruction) -> "Reconstruction | OnDevice":
-    if device is None:
-        return chain
-    from endoct.modalities.oct.spectra.on_device import OnDevice  # which loads torch
-
-    return OnDevice(chain, device)
+    return ImageStack(path, len(slices), ReadSpectra(slices, keys, chain))
 
 
 def is_sharper_turned_around(path: Path, keys: SpectraKeys, bscan: NDArray[np.uint16]) -> bool:
@@ -168,9 +155,7 @@ class ReadThorlabsSpectra:
     ``apodised``: whether to subtract the mean of a B-scan's own spectra without the sample, where it has such.
     """
 
-    def __init__(
-        self, bscans: tuple[BScan, ...], first: Container, chain: "Reconstruction | OnDevice", apodised: bool
-    ) -> None:
+    def __init__(self, bscans: tuple[BScan, ...], first: Container, chain: Reconstruction, apodised: bool) -> None:
         self._bscans, self._n_samples, self._dtype = bscans, first.n_samples, first.dtype
         self._chain, self._apodised = chain, apodised
 
@@ -179,7 +164,7 @@ class ReadThorlabsSpectra:
         bscan = self._bscans[index]
         chain = self._chain
         if self._apodised and bscan.apodised is not None:
-            chain = _with_background(chain, mean_spectrum(self._spectra(bscan.apodised)))
+            chain = replace(chain, background=mean_spectrum(self._spectra(bscan.apodised)))
         return chain.bscan(self._spectra(bscan.ascans)).T
 
     def _spectra(self, ascans: AScans) -> Counts:
@@ -189,8 +174,8 @@ class ReadThorlabsSpectra:
         return spectra.astype(spectra.dtype.newbyteorder("="), copy=False)
 
 
-def open_thorlabs(path: Path, files: Files, keys: SpectraKeys, device: str | None = None) -> ImageStack:
-    """Open the raw spectra in ThorImage's ``files`` as a stack of B-scans (depth, A-scan), made on ``device``.
+def open_thorlabs(path: Path, files: Files, keys: SpectraKeys) -> ImageStack:
+    """Open the raw spectra in ThorImage's ``files`` as a stack of B-scans (depth, A-scan).
 
     Raises :class:`EndoctError` where ``keys`` state something else than the files hold, or a vector is missing.
     """
@@ -218,7 +203,7 @@ def open_thorlabs(path: Path, files: Files, keys: SpectraKeys, device: str | Non
     kept, along = tuple(bscans[: keys.slices]), recording.along
     if along is not None:
         along = replace(along, values=along.values[: len(kept)])
-    read = ReadThorlabsSpectra(kept, first, _on(device, chain), apodised)
+    read = ReadThorlabsSpectra(kept, first, chain, apodised)
     return ImageStack(path, len(kept), read, along=along, remarks=remarks)
 
 
@@ -239,9 +224,3 @@ def _apodisation(container: Container, keys: SpectraKeys) -> Coordinates:
         )
     electrons = _vector(container, APODISATION, "spectra.background", keys.samples)
     return electrons / keys.electrons_per_count
-
-
-def _with_background(chain: "Reconstruction | OnDevice", background: Coordinates) -> "Reconstruction | OnDevice":
-    if isinstance(chain, Reconstruction):
-        return replace(chain, background=background)
-    return replace(chain, reference=replace(chain.reference, background=background))

@@ -38,7 +38,6 @@ COS_TINY, SIN_TINY = math.cos(TINY), math.sin(TINY)
 N_FACTORS = 1 + N_SMOOTH
 FACTORS = slice(3, 3 + N_FACTORS)
 RIPPLE = slice(FACTORS.stop, FACTORS.stop + N_RIPPLE)
-N_UNKNOWN = RIPPLE.stop
 """Unknowns of a slice: x, y and depth of the axis; stretch and harmonics of the rotation; ripple of the face."""
 
 
@@ -49,7 +48,7 @@ def unknowns(circle: Circle, factors: Coordinates) -> Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Means and inverse variances of the unknowns, float64 (N_UNKNOWN,), one more each with a lost block."""
+    """Means and inverse variances of the unknowns, float64 (``RIPPLE.stop``,), one more each with a lost block."""
 
     mean: Coordinates
     precision: Coordinates

@@ -13,6 +13,7 @@ from endoct.base.numeric.ranks import (
     quantile_pair,
     quantiles,
     ranked,
+    robust_limits,
     robust_sigma,
     robust_sigmas,
 )
@@ -100,3 +101,19 @@ def test_a_median_in_loops_is_numpys_at_random() -> None:
     for n in range(1, 200):
         samples = rng.integers(0, max(n // 2, 2), n) + 0.25
         assert median_in_loops(samples.copy()) == np.median(samples)
+
+
+@pytest.mark.parametrize("value", [0.0, -3.5, 1e9, -1e30, 3e38])
+def test_an_image_of_one_value_has_limits_all_the_same(value: float) -> None:
+    values = np.full((4, 5), value, np.float32)
+    low, high = robust_limits(values, np.ones(values.shape, np.bool_))
+    assert low < value < high
+    assert np.isfinite(255 / (high - low))
+
+
+def test_limits_are_percentiles_of_what_is_valid_and_finite() -> None:
+    values = np.array([-100.0, *range(101), np.nan])
+    valid = values > -50
+    valid[-1] = True
+    assert robust_limits(values, valid, 10, 90) == (10.0, 90.0)
+    assert robust_limits(values, np.zeros(values.shape, np.bool_)) == (0.0, 1.0)

@@ -13,10 +13,11 @@ from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import CompareParameters, compare_panoramas
 from endoct.fusion.files.drawings import is_label_store
-from endoct.fusion.files.masks import read_mask, score_against
+from endoct.fusion.files.masks import on_comparison, read_mask, score_surface
 from endoct.fusion.result import Threshold
 
 COARSE = CompareParameters(n_theta=512)
+TOLERANCE_MM = 0.1
 SIDECAR = 'modality = "mask"\nbore_diameter_mm = 2.5\nz0_mm = 0.0\ndz_mm = 0.05\n'
 
 
@@ -92,11 +93,12 @@ def test_a_mask_tells_the_polarity_of_an_image(pair_of: Callable, tmp_path: Path
 def test_truth_scores_each_side(pair: Pair, tmp_path: Path) -> None:
     found = compare_panoramas(pair.a, pair.b, COARSE)
     truth = read_mask(drawn(tmp_path / "truth.png", pair.cells_a), pair.a)
-    scores = score_against(found, truth)
+    scores = score_surface(found, on_comparison(found, truth), TOLERANCE_MM)
     assert set(scores) == {"camera", "ranger"}
     assert scores["camera"].jaccard > 0.85
     assert scores["ranger"].jaccard > 0.7
-    blurred = score_against(found, read_mask(drawn(tmp_path / "t.png", np.roll(pair.cells_a, 30, axis=1)), pair.a))
+    turned = read_mask(drawn(tmp_path / "t.png", np.roll(pair.cells_a, 30, axis=1)), pair.a)
+    blurred = score_surface(found, on_comparison(found, turned), TOLERANCE_MM)
     assert blurred["camera"].jaccard < scores["camera"].jaccard - 0.2
 
 

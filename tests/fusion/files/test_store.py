@@ -117,6 +117,13 @@ def test_attributes_that_cannot_be(name: str, value: object, store: Path) -> Non
     assert "\n" not in str(refused.value)
 
 
+def test_a_result_that_does_not_hold_together_is_refused_as_a_whole(store: Path) -> None:
+    path = store.parent / "result.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"aligned": True}))
+    with pytest.raises(EndoctError, match="the whole: Value error, aligned, but not how"):
+        load_comparison(store)
+
+
 @pytest.mark.parametrize(
     "names", [["../x", "oct"], ["oct", "oct"], ["oct"], ["oct", "both"], ["a", "b", "c"], ["/etc/passwd", "b"]]
 )

@@ -14,7 +14,7 @@ from endoct.modalities.contract import Sniff
 from endoct.modalities.oct.bscan import UPSIDE_DOWN, share_brightening
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import recognise
 from tests.modalities.oct.phantom import Phantom
 from tests.modalities.oct.unrolling import UnrollPhantom
 
@@ -179,7 +179,7 @@ def test_the_simulated_pullback_upside_down_is_refused_too(quick_specimen: Path,
 
 def test_the_real_pullback_is_known_without_its_sidecar(recordings: Path, tmp_path: Path) -> None:
     (tmp_path / "pullback.tif").symlink_to(recordings / "coronary-oct" / "pullback.tif")
-    assert manifest_for(tmp_path).name == "oct"
+    assert recognise(tmp_path).manifest.name == "oct"
     verdict = OCT.sniff(tmp_path)
     assert verdict.certainty == "likely"
     assert "upside" not in verdict.reason

@@ -20,7 +20,7 @@ from benchmarks.fuzz.dicom_writer import CAPTURES, ENDOSCOPE, STORAGE, VIDEO_END
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.ct_volume import is_volume
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import recognise
 from endoct.workbench.pipeline.information import describe
 
 RNG = np.random.default_rng(11)
@@ -224,7 +224,7 @@ def test_pictures_of_a_file_each_are_one_recording_of_an_endoscope(tmp_path: Pat
         write(one, tmp_path / f"{k}.dcm")
     np.testing.assert_array_equal(read(tmp_path), COLOUR[[1, 0, 3, 2]])
     assert stated_by(tmp_path).keys["modality"] == "endoscope"
-    assert manifest_for(tmp_path).name == "endoscope"
+    assert recognise(tmp_path).manifest.name == "endoscope"
     assert not is_volume(tmp_path)
     assert describe(tmp_path)["kind"] == "recording"
 

@@ -16,8 +16,7 @@ from endoct.base.errors import EndoctError
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.pullback_stream import Pullback
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.recognition import open_recording
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import open_recording, recognise
 
 BSCANS = np.random.default_rng(3).integers(1, 60_000, (5, 48, 40), dtype=np.uint16)
 """(frame, A-scan, depth)."""
@@ -115,7 +114,7 @@ def test_the_header_states_the_keys_of_a_pullback(tmp_path: Path) -> None:
         "theta_origin_rad": pytest.approx(np.pi / 2),
         "first_sample_mm": 0.0,
     }
-    assert manifest_for(tmp_path).name == "oct"
+    assert recognise(tmp_path).manifest.name == "oct"
     sizes = "bore_diameter_mm = 0.6\ncapillary_outer_diameter_mm = 0.3\n"
     (tmp_path / "acquisition.toml").write_text(sizes)
     _, stream = open_recording(tmp_path)

@@ -17,7 +17,7 @@ from endoct.base.errors import EndoctError
 from endoct.fusion.files.drawings import read_drawing
 from endoct.modalities.reading.numbering import spacing_of
 from endoct.modalities.reading.recording import ImageStack, open_stack, stated_by
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import recognise
 
 STACK = np.random.default_rng(2).integers(0, 60_000, (6, 40, 56), dtype=np.uint16)
 
@@ -44,7 +44,7 @@ def test_rows_of_lightlab_are_ascans(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(path), STACK.transpose(0, 2, 1))
     np.testing.assert_array_equal(read(tmp_path), STACK.transpose(0, 2, 1))
     assert stated_by(tmp_path).keys == {"modality": "oct", "intensity": "linear"}
-    assert manifest_for(tmp_path).name == "oct"
+    assert recognise(tmp_path).manifest.name == "oct"
     assert "taken for LightLab's" in " ".join(open_stack(path).remarks.notes)
 
 

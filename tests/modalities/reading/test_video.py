@@ -20,8 +20,7 @@ from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.modalities.reading.recording import open_stack
 from endoct.modalities.reading.video import ReadVideo
-from endoct.modalities.recognition import open_recording
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import open_recording, recognise
 
 N = 30
 ROWS, COLUMNS = np.mgrid[:64, :96]
@@ -160,12 +159,14 @@ def test_a_folder_with_one_video_is_an_endoscope_recording(tmp_path: Path) -> No
     folder.mkdir()
     write(folder / "lossless.mkv")
     with pytest.raises(EndoctError, match="no annulus"):  # a video of anything is not taken for an endoscope's
-        manifest_for(folder)
+        recognise(folder)
     (folder / "acquisition.toml").write_text(
         'modality = "endoscope"\nbore_diameter_mm = 2.5\nvisible_length_mm = 1.0\n'
         "frame_rate_hz = 25\nfeed_speed_mm_s = 5.0\n"
     )
-    assert manifest_for(folder).name == manifest_for(folder / "lossless.mkv", "endoscope").name == "endoscope"
+    assert (
+        recognise(folder).manifest.name == recognise(folder / "lossless.mkv", "endoscope").manifest.name == "endoscope"
+    )
     _, stream = open_recording(folder)
     assert len(stream) == N
     assert stream[4].z_mm == pytest.approx(0.8), "5 mm/s at 25 Hz"

@@ -33,7 +33,7 @@ def test_a_form_has_what_the_help_has(name: str, capsys: pytest.CaptureFixture[s
 def test_values_become_the_words_that_a_person_would_type():
     values: dict[str, Any] = {
         "a": "bore 1/endoscope", "b": "-odd/oct", "output": "results/one", "settings": ["n_theta=512", " force=true "],
-        "truth": ["masks/anna.png", "masks/ben.png"], "device": "cpu", "overwrite": True, "session": "", "force": False,
+        "truth": ["masks/anna.png", "masks/ben.png"], "recipe": "", "overwrite": True, "session": "", "force": False,
     }  # fmt: skip
     words = arguments_of(FORMS["compare"], values, FOLDER)
     assert words == (
@@ -78,7 +78,7 @@ def test_a_setting_names_no_file_out_of_the_folder(value: str, tmp_path: Path) -
         ("compare", {"a": "x", "b": "y", "output": "z", "settings": "a=1"}, "'settings' cannot be used"),
         ("compare", {"a": "x", "b": "y", "output": "z", "settings": [1]}, "'settings' cannot be used"),
         ("compare", {"a": "x\n--force", "b": "y", "output": "z"}, "'a' cannot be used"),
-        ("compare", {"a": "x", "b": "y", "output": "z", "device": "mps"}, "expected one of cpu, cuda"),
+        ("pose", {"sides": ["x"], "ct": "c", "output": "z", "device": "mps"}, "expected one of cpu, cuda"),
         ("compare", {"a": "x", "b": "y", "output": "z", "force": "yes"}, "expected true or false"),
         ("simulate", {"output": "z", "seed": "1e3"}, "expected a number"),
         ("simulate", {"output": "z", "detail_mm": "nan"}, "expected a number"),

@@ -16,7 +16,7 @@ from workbench_page import application, post
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
-from endoct.fusion.files.masks import read_mask, score_against
+from endoct.fusion.files.masks import on_comparison, read_mask, score_surface
 from endoct.fusion.files.store import load_comparison, save_comparison
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.stitching.grid import SurfaceGrid
@@ -374,7 +374,8 @@ def test_a_saved_mask_is_a_layer_an_outline_and_a_score(folder: Path):
     drawn = read_mask(
         folder / "masks" / "endoscope" / "anna_2.png", load_panorama(folder / "panoramas" / "endoscope.zarr")
     )
-    expected = score_against(load_comparison(folder / "comparison.zarr"), drawn)
+    comparison = load_comparison(folder / "comparison.zarr")
+    expected = score_surface(comparison, on_comparison(comparison, drawn), 0.1)
     for side, scores in answers[0]["scores"].items():
         assert scores["jaccard"] == expected[side].jaccard
     assert answers[0]["scores"]["endoscope"]["jaccard"] > answers[0]["scores"]["oct"]["jaccard"]  # drawn on its cells

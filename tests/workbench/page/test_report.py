@@ -132,7 +132,7 @@ def test_an_unaligned_comparison_says_so_and_shows_no_score(unaligned: Made) -> 
     assert "Jaccard" not in stated
     assert "Dice" not in stated
     shown = {path.stem for path in (folder / "figures").iterdir()}
-    assert shown >= {"panoramas", "masks", "depth-oct", "frames-oct", "frames-endoscope", "cylinder-oct", "quality-oct"}
+    assert shown >= {"panoramas", "masks", "depth-oct", "frames-oct", "frames-endoscope", "quality-oct"}
     assert "alignment" not in shown
 
 
@@ -163,7 +163,7 @@ def test_every_figure_is_embedded_and_lies_beside_the_page(aligned: Made) -> Non
     folder, _, page = aligned
     files = list((folder / "figures").glob("*.png"))
     assert {path.stem for path in files} == {
-        "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct", "cylinder-oct",
+        "panoramas", "masks", "alignment", "depth-oct", "frames-endoscope", "frames-oct",
         "quality-endoscope", "quality-oct", "numbers-endoscope", "numbers-oct",
     }  # fmt: skip
     assert len(page.images) == len(files)
@@ -241,8 +241,8 @@ def test_differences_say_of_what(make: Callable[..., Made]) -> None:
 
 def test_two_of_one_modality_and_nothing_to_score(make: Callable[..., Made]) -> None:
     _, _, page = make(Kind("oct-1"), Kind("oct-2"), jaccard=None, dice=None, scores=None)
-    assert "cylinder-oct-1.png" in page.text
-    assert "cylinder-oct-2.png" in page.text
+    assert "depth-oct-1.png" in page.text
+    assert "depth-oct-2.png" in page.text
 
 
 def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made]) -> None:
@@ -252,7 +252,7 @@ def test_sides_without_depth_or_drawn_by_hand_are_shown(make: Callable[..., Made
         truth={"truth/cells.png": {"endoscope": MaskScores(jaccard=0.8125, dice=0.8965, both_mm2=1.0)}},
     )
     shown = {path.stem for path in (folder / "figures").iterdir()}
-    assert {"panoramas", "masks", "alignment", "cylinder-endoscope"} <= shown
+    assert {"panoramas", "masks", "alignment", "quality-endoscope"} <= shown
     assert not any(name.startswith("depth") or name.endswith("-mask") for name in shown)
     assert "Jaccard index of endoscope against cells.png" in page.text
     assert "0.812" in page.text

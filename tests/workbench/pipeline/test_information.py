@@ -17,7 +17,6 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.modalities.recognition import open_recording, recognise
-from endoct.modalities.registry import manifest_for
 from endoct.workbench import unroll
 from endoct.workbench.pipeline.information import describe, in_lines, side_by_side, write_thumbnail
 from endoct.workbench.pipeline.sidecar_template import write_sidecar_template
@@ -304,7 +303,7 @@ def test_files_beside_frames_that_nothing_reads_are_listed(tmp_path: Path) -> No
 
 
 def test_files_that_a_sidecar_cites_are_no_junk(tmp_path: Path) -> None:
-    manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
+    manifest = recognise(frames(tmp_path / "endo"), "endoscope").manifest
     (tmp_path / "endo" / "rises.txt").write_text("1\n2")
     assert (
         unread_next_to(tmp_path / "endo", manifest, texts_in({"spectra": {"chirp": "rises.txt", "samples": 2}})).count
@@ -314,7 +313,7 @@ def test_files_that_a_sidecar_cites_are_no_junk(tmp_path: Path) -> None:
 
 
 def test_so_many_files_are_opened_at_most(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    manifest = manifest_for(frames(tmp_path / "endo"), "endoscope")
+    manifest = recognise(frames(tmp_path / "endo"), "endoscope").manifest
     for k in range(5):
         (tmp_path / "endo" / f"{k}.scan").write_bytes(b"II*\0")  # begins as a TIFF does
     assert unread_next_to(tmp_path / "endo", manifest, ()).count == 0  # they hold frames

@@ -6,22 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from matplotlib import colormaps
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
-from numpy.typing import ArrayLike
 from PIL import Image
 from tolerances import COORDINATE_ATOL
 
 from endoct.fusion.scoring.overlap import BOTH, NEITHER, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.report.figures.cylinder import CUT_FACE, END_FACE, NOT_OBSERVED, TILT_RAD, CutBore, cast_half
 from endoct.workbench.report.figures.drawing import MARGIN_IN, new_figure, place, render, width_of, wrapped
-from endoct.workbench.report.figures.wall_panels import show_surface, thinned, wall_panel
+from endoct.workbench.report.figures.wall_panels import draw_outline, show_surface, thinned, wall_panel
 from endoct.workbench.report.wording import value_text
 
 GRID = SurfaceGrid.full_circle(100, 512, z0_mm=0.0, dz_mm=0.05, radius_mm=1.25)
-OUTER_MM = 2.5
 
 
 def test_the_difference_image_tells_the_four_cases() -> None:
@@ -80,6 +74,20 @@ def test_samples_not_observed_are_left_transparent() -> None:
     np.testing.assert_array_equal(alpha == 255, valid)
 
 
+def test_an_outline_runs_on_over_the_seam_half_a_sample_beyond_what_it_marks() -> None:
+    grid = SurfaceGrid.full_circle(10, 36, z0_mm=0.0, dz_mm=0.1, radius_mm=1.25)
+    share = np.zeros(grid.shape, np.float32)
+    share[3:6, [35, 0, 1]] = 1  # from 350° to 10°
+    axes = new_figure(4, 4).add_subplot()
+    draw_outline(axes, grid, share, "black")
+    points = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+    assert points[:, 0].min() == pytest.approx(-10)
+    assert sorted({round(float(x)) for x in points[:, 0] if 10 < x < 350}) == [15, 345]
+    assert (points[:, 1].min(), points[:, 1].max()) == pytest.approx((0.25, 0.55))
+    draw_outline(axes, grid, np.zeros(grid.shape, np.float32), "black")
+    assert len(axes.collections) == 1
+
+
 def test_thinning_keeps_means_majorities_and_places() -> None:
     grid = SurfaceGrid.full_circle(4000, 4096, z0_mm=0.5, dz_mm=0.005, radius_mm=1.25)
     rng = np.random.default_rng(0)
@@ -106,64 +114,6 @@ def test_thinning_averages_over_finite_samples_only() -> None:
     columns = mean.shape[1] // 2
     np.testing.assert_array_equal(mean[:, :columns], 1)
     assert np.isnan(mean[:, columns:]).all()
-
-
-class _Shell:
-    """A half shell, cast; asked for its colour at a place of the cut."""
-
-    def __init__(self, depth_mm: np.ndarray, seen: np.ndarray, middle_deg: float) -> None:
-        mapping = ScalarMappable(Normalize(0, 1), "viridis")
-        bore = CutBore(GRID, depth_mm.astype(np.float32), depth_mm, seen, mapping, True, OUTER_MM)
-        self.image, self.extent = cast_half(bore, math.radians(middle_deg))
-
-    def at(self, z_mm: float, v_mm: float) -> np.ndarray:
-        left, right, bottom, top = self.extent
-        rows, columns = self.image.shape[:2]
-        column = round((z_mm - left) / (right - left) * (columns - 1))
-        return self.image[round((top - v_mm) / (top - bottom) * (rows - 1)), column]
-
-
-def _hue(rgba: ArrayLike) -> np.ndarray:
-    rgb = np.asarray(rgba)[:3]
-    return rgb / np.linalg.norm(rgb)
-
-
-def test_a_plain_bore_shows_its_wall_between_two_cut_faces_and_its_end_face_at_the_mouth() -> None:
-    shell = _Shell(np.zeros(GRID.shape), np.ones(GRID.shape, np.bool_), 90)
-    for v_mm in (1.4, 2.4, -1.4, -2.4):
-        np.testing.assert_allclose(shell.at(2, v_mm)[:3], CUT_FACE, atol=1e-6)
-    np.testing.assert_allclose(_hue(shell.at(2, 0)), _hue(colormaps["viridis"](0.0)), atol=0.02)
-    # beyond the mouth a ray enters through the end face at w = (z_near − z0) / tan(tilt)
-    deep = -0.025 - 2.0 * math.tan(TILT_RAD)
-    np.testing.assert_allclose(shell.at(deep, 0)[:3], END_FACE, atol=1e-6)
-    # and leaves through the far end where it has not met the wall by then
-    assert shell.at(4.9, 0)[3] == 0
-    assert shell.at(4.9, 1.4)[3] == 1
-
-
-def test_a_pit_is_seen_where_it_is_in_the_right_half_and_a_deeper_one_by_its_depth() -> None:
-    theta, z = np.meshgrid(np.degrees(GRID.theta_rad), GRID.z_mm)
-    depth_mm = np.where((np.abs(theta - 90) < 25) & (np.abs(z - 3) < 0.8), 1.0, 0.0)
-    seen = np.ones(GRID.shape, np.bool_)
-    first, second = _Shell(depth_mm, seen, 90), _Shell(depth_mm, seen, 270)
-    # its floor is met at w = 2.25 mm: the ray came in that much × tan(tilt) nearer to the mouth
-    floor = _hue(first.at(3.2 - 2.25 * math.tan(TILT_RAD), 0))
-    np.testing.assert_allclose(floor, _hue(colormaps["viridis"](1.0)), atol=0.02)
-    plain = _hue(second.at(3.2 - 2.25 * math.tan(TILT_RAD), 0))
-    assert np.abs(floor - plain).max() > 0.3
-    # the pit's far side, half a millimetre behind the wall: it belongs to samples that lie on the wall
-    side = _hue(first.at(3.8 - 1.75 * math.tan(TILT_RAD), 0))
-    np.testing.assert_allclose(side, _hue(colormaps["viridis"](0.0)), atol=0.02)
-    # θ grows upwards
-    upper = _Shell(np.where(np.abs(theta - 130) < 15, 1.0, 0.0), seen, 90)
-    assert np.abs(_hue(upper.at(1, 1.0)) - plain).max() > 0.1
-    np.testing.assert_allclose(_hue(upper.at(1, -1.0)), plain, atol=0.02)
-
-
-def test_wall_that_was_not_observed_is_marked_in_the_shell() -> None:
-    seen = np.zeros(GRID.shape, np.bool_)
-    shell = _Shell(np.zeros(GRID.shape), seen, 90)
-    np.testing.assert_allclose(_hue(shell.at(2, 0)), _hue(NOT_OBSERVED), atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ ASKED = {"a": "bore/endoscope", "b": "bore/oct"}
 
 def result(*doubts: Doubt, aligned: bool = True, **said: Any) -> Result:
     scores = {"jaccard": 0.7, "dice": 0.8} if aligned else {"jaccard": None, "dice": None, "reason": "Nothing."}
-    return Result.from_json(
+    return Result.model_validate(
         {"sides": ["endoscope", "oct"], "aligned": aligned, "alignment": IN_PLACE if aligned else None, **scores}
         | {"valid_fraction": 1.0, "doubts": [doubt.to_json() for doubt in doubts], "asked": ASKED}
         | said

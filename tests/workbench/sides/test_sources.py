@@ -14,7 +14,7 @@ from endoct.workbench.sides import sources
 from endoct.workbench.sides.recordings import Recording
 from endoct.workbench.sides.sources import Source, open_recorded, read_sides, unroll_sources
 
-RECORDING: Any = Recording(Path("oct"), {}, *[None] * 4)  # type: ignore[arg-type]
+RECORDING: Any = Recording(Path("oct"), {}, *[None] * 3)  # type: ignore[arg-type]
 MASK = Path("anna_1.png")
 
 

@@ -13,7 +13,7 @@ from endoct.base.files.json_values import number, read_object
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.ct.ct_volume import CtVolume, read_ct
 from endoct.modalities.ct.stored import SIGNS, SUFFIXES
-from endoct.modalities.ct.trajectory import Trajectory, read_line
+from endoct.modalities.ct.trajectory import Trajectory, as_point, read_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.store import is_panorama
 from endoct.workbench.bench.cases.specimens import load_side
@@ -97,7 +97,7 @@ def plan_off(
     inward = np.array([np.tan(tilt) * np.cos(towards), np.tan(tilt) * np.sin(towards), 1.0])
     begins = to_lps[:3, :3] @ entry + to_lps[:3, 3]
     ends = begins + length_mm * (to_lps[:3, :3] @ inward) / np.linalg.norm(inward)
-    return Trajectory(_triple(begins), _triple(ends))
+    return Trajectory(as_point(begins), as_point(ends))
 
 
 def nearest_the_end(panorama: Panorama, pose: TruePose, seen_mm: float | None) -> Panorama:
@@ -205,8 +205,3 @@ def _sector(panorama: Panorama, pose: TruePose, middle_rad: float, share: float)
     """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
     apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
     return np.asarray(apart <= np.pi * share)[np.newaxis]
-
-
-def _triple(place: Coordinates) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in place)
-    return x, y, z

@@ -27,7 +27,6 @@ MOST_FEATURES = 10_000
 """The strongest of an image: noise has 70 000, and matching those with one another takes minutes for every try."""
 Matrix = Coordinates
 FEWEST_MATCHES, REPROJECTION_PX = 4, 3.0
-NO_MATCHES = np.empty((0, 2)), np.empty((0, 2))
 BINS = 32
 
 
@@ -76,9 +75,6 @@ class Flat:
 
 Method = Callable[[Flat], Iterable[Matrix]]
 
-Matched = tuple[Coordinates, Coordinates]
-"""Points of B and the points of A that they match, (n, 2) each, (x, y) in pixels."""
-
 
 def phase_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """scikit-image's phase correlation of A with B, padded, at scale 1."""
@@ -113,43 +109,27 @@ def sift_ransac(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     sift = cv2.SIFT.create(MOST_FEATURES)
 
     def described(image: Image) -> tuple[Sequence[cv2.KeyPoint], Any]:
-        return sift.detectAndCompute((255 * image).astype(np.uint8), None)
-
-    def matcher(of_a: Image) -> Callable[[Image], Matched]:
-        points_a, described_a = described(of_a)
-
-        def match(of_b: Image) -> Matched:
-            points_b, described_b = described(of_b)
-            if described_a is None or described_b is None or len(points_a) < 2:
-                return NO_MATCHES
-            pairs = cv2.BFMatcher().knnMatch(described_b, described_a, k=2)
-            good = [pair[0] for pair in pairs if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
-            from_b, to_a = [points_b[one.queryIdx].pt for one in good], [points_a[one.trainIdx].pt for one in good]
-            return np.array(from_b), np.array(to_a)
-
-        return match
-
-    return best_of(a, b, by_matches(matcher))
-
-
-def by_matches(matcher: Callable[[Image], Callable[[Image], Matched]]) -> Method:
-    """Return the method that yields, for either polarity, the similarity that most matches agree on.
-
-    ``matcher`` gets A in [0, 1], and returns what matches B with it.
-    """
+        return sift.detectAndCompute((255 * unit(image)).astype(np.uint8), None)
 
     def matrices(flat: Flat) -> Iterator[Matrix]:
-        match = matcher(unit(flat.a))
+        points_a, described_a = described(flat.a)
         for sign in (1, -1):
-            from_b, to_a = match(unit(np.float32(sign) * flat.b))
-            if len(from_b) < FEWEST_MATCHES:
+            points_b, described_b = described(np.float32(sign) * flat.b)
+            if described_a is None or described_b is None or len(points_a) < 2:
                 continue
+            pairs = cv2.BFMatcher().knnMatch(described_b, described_a, k=2)
+            good = [pair[0] for pair in pairs if len(pair) == 2 and pair[0].distance < 0.8 * pair[1].distance]
+            if len(good) < FEWEST_MATCHES:
+                continue
+            from_b, to_a = [points_b[one.queryIdx].pt for one in good], [points_a[one.trainIdx].pt for one in good]
             cv2.setRNGSeed(0)
-            matrix, _ = cv2.estimateAffinePartial2D(from_b, to_a, ransacReprojThreshold=REPROJECTION_PX)
+            matrix, _ = cv2.estimateAffinePartial2D(
+                np.array(from_b), np.array(to_a), ransacReprojThreshold=REPROJECTION_PX
+            )
             if matrix is not None:
                 yield np.asarray(matrix, np.float64)
 
-    return matrices
+    return best_of(a, b, matrices)
 
 
 def mutual_information(a: Panorama, b: Panorama) -> Alignment | NotAligned:

@@ -12,7 +12,6 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from skimage.registration import phase_cross_correlation
 
 from endoct.base.arrays import Coordinates, Image
@@ -116,12 +115,6 @@ def prepared(strips: Sequence[Strip]) -> Image:
         logs -= np.nanmedian(logs, axis=0)
         logs -= np.nanmedian(logs, axis=2, keepdims=True)
     return np.nan_to_num(logs).astype(np.float32)
-
-
-def grey(images: Image) -> list[NDArray[np.uint8]]:
-    """Return images (n, rows, columns) in 8 bits, all on one scale."""
-    low, high = np.percentile(images, [0.5, 99.5])
-    return [np.clip((image - low) / max(high - low, 1e-9) * 255, 0, 255).astype(np.uint8) for image in images]
 
 
 def of_images(

@@ -24,7 +24,6 @@ from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 from PIL import Image
 
-from endoct.base.arrays import Mask
 from endoct.workbench.report.figures.rendered import Rendered
 
 PAGE_WIDTH_IN = 7.2
@@ -183,15 +182,6 @@ def bar_under(axes: Axes, image: ScalarMappable, label: str) -> None:
     bar.set_label(label, fontsize=7, labelpad=1)
     bar.ax.tick_params(labelsize=6.5, length=2)
     bar.outline.set_linewidth(0.5)
-
-
-def robust_limits(values: NDArray[Any], valid: Mask, low: float = 0.5, high: float = 99.5) -> tuple[float, float]:
-    """Return the percentiles ``low`` and ``high`` of the valid, finite values; (0, 1) where there are none."""
-    known = values[valid & np.isfinite(values)]
-    if not known.size:
-        return 0.0, 1.0
-    bottom, top = (float(v) for v in np.percentile(known[:: max(1, known.size // 400_000)], [low, high]))
-    return (bottom, top) if top > bottom else (bottom - 0.5, bottom + 0.5)
 
 
 def unit_of(label: str) -> str:

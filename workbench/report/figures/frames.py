@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Mask
+from endoct.base.numeric.ranks import robust_limits
 from endoct.modalities.contract import Picture
 from endoct.workbench.report.figures.drawing import (
     BLUE,
@@ -31,7 +32,6 @@ from endoct.workbench.report.figures.drawing import (
     new_figure,
     place,
     render,
-    robust_limits,
     unit_of,
     wrapped,
 )

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from endoct.stitching.store import load_panorama
-from endoct.workbench.report.figures.cylinder import draw_cylinder
 from endoct.workbench.report.figures.frames import draw_depth, draw_frames, draw_other_numbers, draw_quality
 from endoct.workbench.report.figures.rendered import Drawing, Drawn, OfBoth
 from endoct.workbench.report.figures.surfaces import draw_alignment, draw_masks, draw_panorama, draw_panoramas
@@ -44,16 +43,10 @@ def draw_both(draw: OfBoth, both: BothSides) -> list[Drawn]:
     return drawn([partial(draw, both)])
 
 
-def drawings_of_wall(both: BothSides) -> list[OfBoth]:
-    """Return what draws ``both`` on the common grid, whether they agree or not."""
-    knows_depth = [side.depth_mm is not None for side in both.sides]
-    cut_open = [k for k in (0, 1) if knows_depth[k] or not any(knows_depth)]
-    return [draw_panoramas, draw_masks, *(partial(_draw_cylinder, k=k) for k in cut_open), draw_alignment]
-
-
-def drawings_of_sides() -> list[OfBoth]:
-    """Return what draws each of two sides in its own frame, whatever the other side is."""
-    return [partial(_draw_side, draw=draw, k=k) for k in (0, 1) for draw in OF_SIDE]
+def drawings_of_both(with_sides: bool) -> list[OfBoth]:
+    """Return what draws both sides on the common grid, agreed or not; ``with_sides``: each in its own frame too."""
+    each = [partial(_draw_side, draw=draw, k=k) for k in (0, 1) for draw in OF_SIDE] if with_sides else []
+    return [draw_panoramas, draw_masks, draw_alignment, *each]
 
 
 def drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
@@ -69,10 +62,6 @@ def drawn(drawings: Iterable[Drawing]) -> list[Drawn]:
     finally:
         gc.unfreeze()
     return figures
-
-
-def _draw_cylinder(both: BothSides, k: int) -> Drawn | None:
-    return draw_cylinder(both.sides[k], both.grid)
 
 
 def _draw_side(both: BothSides, draw: Callable[[SideFindings], Drawn | None], k: int) -> Drawn | None:

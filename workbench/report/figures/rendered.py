@@ -74,8 +74,7 @@ _draw_wall: Callable[[SideFindings], list[Drawn]] = Named(f"{FIGURES}:draw_wall"
 _draw_pictures: Callable[[SideFindings], list[Drawn]] = Named(f"{FIGURES}:draw_pictures")
 _draw_sides: Callable[[Path, Sequence[str]], list[Drawn]] = Named(f"{FIGURES}:draw_sides")
 _draw_both: Callable[[OfBoth, BothSides], list[Drawn]] = Named(f"{FIGURES}:draw_both")
-_drawings_of_wall: Callable[[BothSides], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_wall")
-_drawings_of_sides: Callable[[], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_sides")
+_drawings_of_both: Callable[[bool], list[OfBoth]] = Named(f"{FIGURES}:drawings_of_both")
 _drawn: Callable[[Iterable[Drawing]], list[Drawn]] = Named(f"{FIGURES}:drawn")
 _of_findings: Callable[["Findings"], list[Drawing]] = Named(f"{_FINDINGS}:drawings_of_findings")
 
@@ -101,8 +100,7 @@ def begin_both(both: BothSides, scheduler: Scheduler, *, with_sides: bool) -> li
     ``with_sides``: also what shows one side by itself.
     """
     sent = scheduler.send(both)
-    drawings = [*_drawings_of_wall(both), *(_drawings_of_sides() if with_sides else ())]
-    return [scheduler.begin(_draw_both, draw, sent) for draw in drawings]
+    return [scheduler.begin(_draw_both, draw, sent) for draw in _drawings_of_both(with_sides)]
 
 
 def drawn_of(findings: "Findings", begun: Sequence[Figures]) -> list[Drawn]:

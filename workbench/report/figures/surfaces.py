@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates, Image, Mask
+from endoct.base.numeric.ranks import robust_limits
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B, difference
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
@@ -27,13 +28,13 @@ from endoct.workbench.report.figures.drawing import (
     journal_style,
     letters,
     render,
-    robust_limits,
     width_of,
 )
 from endoct.workbench.report.figures.rendered import Drawn
 from endoct.workbench.report.figures.wall_panels import (
     ABOVE_PT,
     colour_bar,
+    draw_outline,
     not_observed_patch,
     panel_figure,
     scale_text,
@@ -148,8 +149,9 @@ def draw_alignment(both: BothSides) -> Drawn | None:
         show_surface(axes[0], coarse, np.where(_tiles(coarse), left, right), known, "gray")
         wall_panel(axes[1], grid, f"(b) outlines on {a.name}", first=False)
         show_surface(axes[1], coarse, left, known, "gray", -0.3, 1)
-        _outline(axes[1], grid, a.mask & observed, ORANGE)
-        _outline(axes[1], grid, b.mask & observed, BLUE)
+        for side, colour in ((a, ORANGE), (b, BLUE)):
+            _, cells = thinned(grid, (side.mask & observed).astype(np.float32))
+            draw_outline(axes[1], coarse, cells, colour)
         _legend(axes[1], [Line2D([], [], color=ORANGE, label=a.name), Line2D([], [], color=BLUE, label=b.name)])
         _agreement(axes[2], grid, a.mask, b.mask, observed)
         rendered = render(figure, "alignment")
@@ -182,15 +184,6 @@ def _agreement(axes: Axes, grid: SurfaceGrid, a: Mask, b: Mask, observed: Mask) 
     axes.set_title("(c) along the bore", pad=ABOVE_PT)
     axes.set_xlabel("index, share")
     _legend(axes, None)
-
-
-def _outline(axes: Axes, grid: SurfaceGrid, mask: Mask, colour: str) -> None:
-    coarse, share = thinned(grid, mask.astype(np.float32))
-    # one column more on either side, so that outlines run on over the seam
-    degrees = np.degrees(coarse.theta0_rad + coarse.dtheta_rad * np.arange(-1, coarse.n_theta + 1))
-    padded = np.pad(share, ((0, 0), (1, 1)), mode="wrap")
-    if padded.max() > 0.5 > padded.min():
-        axes.contour(degrees, coarse.z_mm, padded, levels=[0.5], colors=[colour], linewidths=0.7)
 
 
 def _features(side: SideFindings) -> Image:

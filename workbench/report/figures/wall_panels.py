@@ -17,7 +17,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import NDArray
 
-from endoct.base.arrays import Mask
+from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import largest_divisor
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.report.figures.drawing import (
@@ -192,3 +192,12 @@ def _scale_bar(axes: Axes, grid: SurfaceGrid) -> None:
         xycoords="axes fraction", ha="center", va="bottom", fontsize=6.5, zorder=6,
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
     )  # fmt: skip
+
+
+def draw_outline(axes: Axes, grid: SurfaceGrid, share: Image, colour: str) -> None:
+    """Outline where ``share`` (n_z, n_theta) on ``grid`` exceeds one half."""
+    # one column more on either side, so that outlines run on over the seam
+    degrees = np.degrees(grid.theta0_rad + grid.dtheta_rad * np.arange(-1, grid.n_theta + 1))
+    padded = np.pad(share, ((0, 0), (1, 1)), mode="wrap")
+    if padded.max() > 0.5 > padded.min():
+        axes.contour(degrees, grid.z_mm, padded, levels=[0.5], colors=[colour], linewidths=0.7)

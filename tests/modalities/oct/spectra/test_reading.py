@@ -12,8 +12,7 @@ from endoct.modalities.acquisition import validate
 from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OCT
 from endoct.modalities.oct.pullback_stream import Pullback
-from endoct.modalities.recognition import open_recording
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import open_recording, recognise
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 
 N, ASCANS, SLICES = 128, 80, 3
@@ -211,7 +210,7 @@ def test_spectra_are_recognised_by_their_sidecar_and_by_a_chirp(folder: Path) ->
     verdict = OCT.sniff(folder)
     assert (verdict.claims, verdict.certainty) == (True, "likely")
     assert "Chirp.bin looks like a chirp, and spectra.bin could hold raw spectra of 128 samples" in verdict.reason
-    assert manifest_for(folder).name == "oct"
+    assert recognise(folder).manifest.name == "oct"
     assert OCT.sniff(folder / "spectra.bin").claims
     with pytest.raises(EndoctError, match="state them in a table 'spectra' of the sidecar"):
         OCT.open(folder, OctAcquisition(**KEYS))

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.oct.manifest import OctAcquisition
 from endoct.modalities.oct.plugin import OctModality
-from endoct.modalities.oct.spectra.keys import COUNTS_PER_DB
-from endoct.modalities.recognition import open_recording
-from endoct.modalities.registry import manifest_for
+from endoct.modalities.recognition import open_recording, recognise
 from endoct.workbench.pipeline.information import describe
 from tests.modalities.oct.spectra.fringes import levels_db, mirror, quadratic_chirp
 from tests.modalities.thorlabs_writer import Oct, raw_file, with_vectors
@@ -139,11 +136,6 @@ def test_spectra_without_the_sample_as_the_background(tmp_path: Path) -> None:
         assert (level[name][:, 20] > level[name][:, 40] + 30).all()
         np.testing.assert_array_equal(bscans(path), headerless(tmp_path / "b", still))
     np.testing.assert_allclose(level["each"][:, 20], level["own"][:, 20], atol=0.01)
-    each = tmp_path / "each" / "scan.oct"
-    _, known = open_recording(each, overrides={**LACKING, "spectra.background": "apodisation"})
-    assert isinstance(known.acquisition, OctAcquisition)
-    by_torch = levels_db(OctModality("cpu").open(each, known.acquisition)[0].samples)
-    np.testing.assert_allclose(by_torch[:, 20], level["each"][:, 20], atol=2 / COUNTS_PER_DB)
     bare = write(tmp_path / "bare", raw_file(still, CHIRP, range_mm=RANGES))
     assert "holds no spectra without the sample" in refused(bare, **{"spectra.background": "apodisation"})
     table = {"spectra": {"file": "spectra.bin", "samples": N, "ascans": ASCANS, "chirp": "even"}}
@@ -162,7 +154,7 @@ def test_a_sidecar_that_says_otherwise_wins_and_is_doubted(tmp_path: Path) -> No
 
 def test_it_is_known_without_a_sidecar(tmp_path: Path) -> None:
     path = write(tmp_path / "a", raw_file(SLICES, CHIRP, range_mm=RANGES))
-    assert manifest_for(path).name == manifest_for(path.parent).name == "oct"
+    assert recognise(path).manifest.name == recognise(path.parent).manifest.name == "oct"
     found = describe(path)
     assert (found["frames"], found["certainty"] != "unsure") == (3, True)
     assert set(found["missing"]) == set(LACKING)
