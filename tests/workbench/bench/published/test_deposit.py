@@ -51,7 +51,7 @@ def test_the_texts_name_set_licence_and_digest(deposited: tuple[Path, SpecimenSe
     card = (folder / "README.md").read_text(encoding="utf-8")
     assert card.startswith("---\nlicense: cc-by-4.0\n")
     assert listed.digest in card
-    assert "| simulator | easy | segmentation stitching oct alignment depth | 1 |" in card
+    assert "| simulator | easy | segmentation stitching oct alignment depth wall | 1 |" in card
     assert "CC-BY-4.0" in (folder / "LICENSE").read_text(encoding="utf-8")
     assert "creativecommons.org/licenses/by/4.0/legalcode" in (folder / "LICENSE").read_text(encoding="utf-8")
     for name in ("README.md", "LICENSE", "CITATION.cff", "deposit.md"):
