@@ -81,6 +81,19 @@ def test_a_bare_wall_leaves_all_open() -> None:
     assert np.sqrt(np.diag(fit.covariance))[: SHARED + TURN + 1] == pytest.approx(FREE, rel=1e-3)
 
 
+def test_layers_are_compared_where_they_lie_behind_the_wall() -> None:
+    air, blank, true = a_bone(1), a_side(), torch.zeros(SHARED + OF_SIDE, dtype=torch.float64)
+    true[:2], true[SHARED], true[SHARED + TURN] = torch.tensor([0.1, -0.2]), 8.0, 0.1
+    shown = (air.share(wall_places(blank, Sense(), LENGTH_MM / 2, true, mm)[0]).numpy() for mm in (0.1, 0.8))
+    weight = blank.layers[0].weight
+    layers = tuple(Layer(mm, share, weight) for mm, share in zip((0.1, 0.8), shown, strict=True))
+    start = true.clone()
+    start[:2] += 0.1
+    fit = fit_pose(air, [replace(blank, layers=layers)], [Sense()], start)
+    assert fit.parameters[:2] == pytest.approx([0.1, -0.2], abs=0.01)
+    assert fit.agreement[0] > 0.99
+
+
 def test_a_pattern_is_found_where_it_was_cut_out_across_the_seam() -> None:
     wall = torch.tensor(np.random.default_rng(1).normal(size=(60, COLUMNS)).astype(np.float32))
     cut = torch.roll(wall, -40, dims=1)[17:47]
