@@ -21,7 +21,9 @@ def ct() -> CtVolume:
 
 
 def test_the_part_around_the_plan_makes_the_same_air(ct: CtVolume, monkeypatch: pytest.MonkeyPatch) -> None:
-    of_part = air_around(ct, PLAN).values
+    found = air_around(ct, PLAN)
+    assert found.length_mm == PLAN.length_mm
+    of_part = found.values
     monkeypatch.setattr(air, "SPLINE_VOXELS", max(SHAPE))
     assert float((air_around(ct, PLAN).values - of_part).abs().max()) < 1e-5
 

@@ -18,9 +18,17 @@ from endoct.base.files.contents import seal
 from endoct.modalities.recognition import recognise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study, inputs_in
+from endoct.workbench.desk.study import Study, inputs_in, is_named
 from endoct.workbench.pipeline.information import picture_of
 from endoct.workbench.pipeline.unread import Unread
+
+
+def test_a_name_may_be_one_from_any_folder_above_the_result() -> None:
+    result = Path("/study/out/result")
+    assert is_named(Path("/study/bore/oct"), {Path("bore/oct")}, result)
+    assert is_named(Path("/study/out/oct"), {Path("oct")}, result)
+    assert is_named(Path("/other/oct"), {Path("/other/oct")}, result)
+    assert not is_named(Path("/other/oct"), {Path("oct")}, result)
 
 
 def looked_through(folder: Path) -> Study:
