@@ -39,6 +39,7 @@ def test_segmentation_has_the_truth_on_the_panoramas_samples(made_set: Path) -> 
         assert example["cell"].dtype == bool
         assert example["z_mm"].shape == example["cell"].shape[:1]
         assert np.all(np.diff(example["z_mm"]) > 0)
+        assert 1 < np.ptp(example["z_mm"]) < 20
         assert bool(example["has_depth"]) == bool(np.any(example["depth_mm"]))
         sides.add(str(example["name"]).split("/")[1])
     assert sides == {"oct", "endoscope"}
