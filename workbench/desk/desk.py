@@ -20,7 +20,7 @@ from endoct.workbench.desk.forms import Command, arguments_of, form_of
 from endoct.workbench.desk.runs import command_line
 from endoct.workbench.desk.sidecar_form import Previewer, SidecarForm, sidecar_form
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study, is_named
+from endoct.workbench.desk.study import Study
 from endoct.workbench.kinds import output_at
 from endoct.workbench.page.collection import ListedOutput, address_of, thumbnail
 from endoct.workbench.page.notes import read_note, write_note
@@ -106,9 +106,8 @@ class OpenFolder:
 
     def _name_of(self, path: str, result: Path) -> str:
         """Return a path that a command was given as one below the folder, where it leads there; else as it is."""
-        for each in self.study.inputs() if path else ():
-            if is_named(each.path, {Path(path)}, result):
-                return path_text(each.name)
+        if path and (given := self.study.input_of(path, result)):
+            return path_text(given.name)
         place = self.folder / path
         return place.relative_to(self.folder).as_posix() if path and place.is_relative_to(self.folder) else path
 

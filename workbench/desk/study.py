@@ -5,7 +5,7 @@ A recording is known by its content, as `endoct info` knows it. What endoct wrot
 
 import os
 import threading
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,15 +33,6 @@ MOST_FILES = 40
 """Files of a folder that are looked at one by one, where the folder as a whole is no recording."""
 VOLUME_SUFFIXES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd")
 PLAN_SUFFIX = ".mrk.json"
-
-
-def is_named(path: Path, names: Collection[Path], result: Path) -> bool:
-    """Whether ``path`` is one of ``names``, as the ``result`` has them: whole, or from some folder above it.
-
-    Its command ran there: on the page in the folder that is open, in a terminal elsewhere perhaps.
-    """
-    above = (result, *result.parents)
-    return path in names or any(path.relative_to(at) in names for at in above if path.is_relative_to(at))
 
 
 @dataclass(frozen=True)
@@ -130,8 +121,23 @@ class Study:
 
     def named_by(self, files: Iterable[str], result: Path) -> list[Input]:
         """Return the recordings to which ``files`` belong, as the ``result`` below this folder names them."""
+        recordings = [each for each in self.inputs() if each.kind == "recording"]
         names = {name for file in map(Path, files) for name in (file, file.parent)}
-        return [each for each in self.inputs() if each.kind == "recording" and is_named(each.path, names, result)]
+        for at in self._where_it_ran(result):
+            paths = {at / name for name in names}
+            if found := [recording for recording in recordings if recording.path in paths]:
+                return found
+        return []
+
+    def input_of(self, path: str, result: Path) -> Input | None:
+        """Return what a command that wrote ``result`` was given as ``path``, if it lies in this folder."""
+        places = [at / path for at in self._where_it_ran(result)]
+        by_path = {each.path: each for each in self.inputs()}
+        return next((by_path[place] for place in places if place in by_path), None)
+
+    def _where_it_ran(self, result: Path) -> tuple[Path, ...]:
+        """Return where the command of ``result`` may have run: the page's run here, in a terminal somewhere above."""
+        return (self.folder, result, *result.parents)
 
     def pairs(self) -> list[tuple[Input, Input]]:
         """Return the recordings of two instruments that lie alone in one folder, by the instruments' names."""

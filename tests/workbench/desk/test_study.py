@@ -18,17 +18,9 @@ from endoct.base.files.contents import seal
 from endoct.modalities.recognition import recognise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.state import State
-from endoct.workbench.desk.study import Study, inputs_in, is_named
+from endoct.workbench.desk.study import Input, Study, inputs_in
 from endoct.workbench.pipeline.information import picture_of
 from endoct.workbench.pipeline.unread import Unread
-
-
-def test_a_name_may_be_one_from_any_folder_above_the_result() -> None:
-    result = Path("/study/out/result")
-    assert is_named(Path("/study/bore/oct"), {Path("bore/oct")}, result)
-    assert is_named(Path("/study/out/oct"), {Path("oct")}, result)
-    assert is_named(Path("/other/oct"), {Path("/other/oct")}, result)
-    assert not is_named(Path("/other/oct"), {Path("oct")}, result)
 
 
 def looked_through(folder: Path) -> Study:
@@ -39,6 +31,25 @@ def looked_through(folder: Path) -> Study:
             return study
         time.sleep(0.1)
     pytest.fail("it never ends")
+
+
+def test_a_result_names_recordings_from_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    study = Study(tmp_path)
+    names = ("oct", "bore-1/oct", "bore-1/endoscope")
+    given = {name: Input(name, study.folder / name, "recording") for name in names}
+    monkeypatch.setattr(study, "inputs", lambda: list(given.values()))
+    result = study.folder / "bore-1" / "result"
+    for files, expected in (
+        (["oct/*"], ["oct"]),  # the page's commands run in the folder that is open, whatever else has that name
+        (["endoscope/a.png"], ["bore-1/endoscope"]),
+        ([f"{study.folder.name}/bore-1/oct/*", "elsewhere/endoscope/*"], ["bore-1/oct"]),
+        ([str(study.folder / "bore-1" / "oct" / "*")], ["bore-1/oct"]),
+        (["other/oct/*"], []),
+    ):
+        assert [each.name for each in study.named_by(files, result)] == expected
+    assert study.input_of("oct", result) == given["oct"]
+    assert study.input_of("endoscope", result) == given["bore-1/endoscope"]
+    assert study.input_of("other", result) is None
 
 
 def test_recordings_are_found_with_what_they_lack(study: Path):
