@@ -1,6 +1,6 @@
 """A network that learned on the training half of the published set, as a program that the bench can submit.
 
-    python -m benchmarks.trained_unet learn DATA -o unet.pt        # some ten minutes of two processors
+    python -m benchmarks.trained_unet learn DATA -o unet.pt        # 20 minutes, with other work on two cores
     endoct bench submit segmentation DATA -o unet.json --program "unet=python -m benchmarks.trained_unet unet.pt"
 
 It is what somebody would train who has nothing but the set: a U-Net (Ronneberger et al. 2015) for each of both
