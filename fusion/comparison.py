@@ -44,14 +44,7 @@ from endoct.fusion.registration.by_hand import KnownBore, align_by_hand
 from endoct.fusion.registration.instruments import largest_cell_share
 from endoct.fusion.registration.rigidity import parts_out_of_place
 from endoct.fusion.registration.steps import step_along
-from endoct.fusion.result import (
-    Believable,
-    ByHand,
-    Result,
-    StoredAlignment,
-    StoredRemedy,
-    Threshold,
-)
+from endoct.fusion.result import Believable, ByHand, Result, StoredAlignment, StoredRemedy, Threshold
 from endoct.fusion.scoring.scores import BOOTSTRAP, Scored, score_sides
 from endoct.fusion.segmentation.by_eye import check_eye
 from endoct.fusion.segmentation.segment import Segmentation

@@ -207,9 +207,7 @@ class Acquisition(BaseModel):
     )
     calibration: str | None = Field(default=None, description="a TOML file next to this one with further keys")
     standard_errors: Mapping[str, Annotated[float, Field(ge=0, le=1e6)]] | None = Field(
-        default=None,
-        max_length=MOST_STATED,
-        description="a table: standard errors of keys, as a calibration has them",
+        default=None, max_length=MOST_STATED, description="a table: standard errors of keys, as a calibration has them"
     )
 
     @property

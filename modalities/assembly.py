@@ -18,10 +18,7 @@ OF_THE_SURFACE = frozenset({*SURFACE, "z_mm"})
 
 
 def assemble(
-    strips: Iterable[Strip],
-    calibration: Calibration,
-    manifest: Manifest,
-    provenance: Mapping[str, Any] | None = None,
+    strips: Iterable[Strip], calibration: Calibration, manifest: Manifest, provenance: Mapping[str, Any] | None = None
 ) -> Panorama:
     """Return the blended panorama of all ``strips``, not yet settled.
 

@@ -51,9 +51,7 @@ class SurfaceGrid:
     def __post_init__(self) -> None:
         if self.n_z < 1 or self.n_theta < 1:
             raise EndoctError(
-                "a surface grid needs rows and columns",
-                found=f"{self.n_z} × {self.n_theta}",
-                expected="at least 1 × 1",
+                "a surface grid needs rows and columns", found=f"{self.n_z} × {self.n_theta}", expected="at least 1 × 1"
             )
         check_array_size(self.shape, np.dtype(np.float32).itemsize, "a panorama of that length and those steps")
         for name in ("dz_mm", "dtheta_rad", "radius_mm"):

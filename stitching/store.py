@@ -77,9 +77,7 @@ def load_panorama(path: Path) -> Panorama:
     """Read what :func:`save_panorama` wrote. Raises :class:`EndoctError` where it is something else, or damaged."""
     if not is_panorama(path):
         raise EndoctError(
-            f"{path} is no panorama",
-            expected="a store written by `endoct unroll`",
-            remedy="unroll the recording first",
+            f"{path} is no panorama", expected="a store written by `endoct unroll`", remedy="unroll the recording first"
         )
     check_intact(path, lambda name: not name.startswith(("volume/", "pictures/")))  # which are not read here
     with refusing(f"{path} cannot be read", remedy="unroll the recording again"):
@@ -125,9 +123,7 @@ def read_outline(path: Path) -> PanoramaOutline:
     """
     if not is_panorama(path):
         raise EndoctError(
-            f"{path} is no panorama",
-            expected="a store written by `endoct unroll`",
-            remedy="unroll the recording first",
+            f"{path} is no panorama", expected="a store written by `endoct unroll`", remedy="unroll the recording first"
         )
     what = f"the panorama {path}"
     with refusing(f"{path} cannot be read", remedy="unroll the recording again"):

@@ -158,13 +158,7 @@ def _value(value: TomlValue) -> str:
 
 
 def write_specimen(
-    folder: Path,
-    sample: Sample,
-    processes: Sequence[WorkerProcess],
-    progress: Progress,
-    *,
-    labels: bool,
-    spectra: bool,
+    folder: Path, sample: Sample, processes: Sequence[WorkerProcess], progress: Progress, *, labels: bool, spectra: bool
 ) -> None:
     """Write the files that :func:`endoct.synthetic.specimen.simulate` lists, of ``sample``, into a new ``folder``.
 

@@ -130,9 +130,7 @@ KINDS: dict[str, PathKind] = {
         ),
         PathKind(DATA_SET, lambda path: (path / DATA_SET_FILE).is_file(), has_recordings=True),
         PathKind(
-            POSE,
-            lambda path: kind_of(path) == POSE,
-            loaded="endoct.workbench.pipeline.summarising_poses:read_pose",
+            POSE, lambda path: kind_of(path) == POSE, loaded="endoct.workbench.pipeline.summarising_poses:read_pose"
         ),
         PathKind(PLAN, lambda path: path.is_file() and is_plan(path), described=f"{_VOLUMES}:describe_volume"),
         PathKind(VOLUME, is_volume, described=f"{_VOLUMES}:describe_volume"),

@@ -10,17 +10,7 @@ from endoct.base.arrays import Coordinates
 from endoct.fusion.pose.air import AirAround
 from endoct.fusion.pose.observation import Observation
 from endoct.fusion.pose.search import Candidate
-from endoct.fusion.pose.wall import (
-    DEPTH,
-    EDGE,
-    OF_SIDE,
-    RIMS,
-    SHARED,
-    TURN,
-    Sense,
-    prior_deviations,
-    wall_places,
-)
+from endoct.fusion.pose.wall import DEPTH, EDGE, OF_SIDE, RIMS, SHARED, TURN, Sense, prior_deviations, wall_places
 
 SOFTNESS = (1.0, 0.6, 0.4, 0.25, 0.15, 0.1)
 """Samples count less and less beyond these residuals, in shares of air and in turn (Geman and McClure)."""

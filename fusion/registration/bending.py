@@ -19,14 +19,7 @@ from endoct.base.arrays import Coordinates, Mask
 from endoct.fusion.evidence.evidence import Evidence, blurred
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.registration.courses import INDEPENDENT_MM2, REACH_MM, REACH_RAD, Course, cheapest_course, jumps_of
-from endoct.fusion.registration.equations import (
-    PATCH_MM,
-    Level,
-    RowEquations,
-    level,
-    patches_around,
-    row_equations,
-)
+from endoct.fusion.registration.equations import PATCH_MM, Level, RowEquations, level, patches_around, row_equations
 from endoct.fusion.registration.refinement import SAMPLES_A_BLUR, sampled
 
 KNOT_MM = 1.5
@@ -63,9 +56,7 @@ class _Knots:
         z_mm, stretch = list[Coordinates](), list[Coordinates]()
         for k, (low, high) in enumerate(pairwise(edges)):
             n = 2 + int((high - low) / KNOT_MM)
-            z_mm.append(
-                np.linspace(low + GAP_MM / 2 * (k > 0), high - GAP_MM / 2 * (k < len(jumps_mm)), n),
-            )
+            z_mm.append(np.linspace(low + GAP_MM / 2 * (k > 0), high - GAP_MM / 2 * (k < len(jumps_mm)), n))
             stretch.append(np.full(n, float(k)))
         return cls(np.concatenate(z_mm), np.concatenate(stretch), np.array(jumps_mm, np.float64))
 

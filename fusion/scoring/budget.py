@@ -58,10 +58,7 @@ Count = tuple[Coordinates, Coordinates]
 
 
 def agreement_budget(
-    surfaces: tuple[Surface, Surface],
-    samplings: tuple[Sampling, Sampling],
-    cells: Sequence[Cell],
-    grid: SurfaceGrid,
+    surfaces: tuple[Surface, Surface], samplings: tuple[Sampling, Sampling], cells: Sequence[Cell], grid: SurfaceGrid
 ) -> Budget | None:
     """Return the budget that the module describes; None where neither side shows a cell.
 

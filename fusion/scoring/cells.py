@@ -136,10 +136,7 @@ def measure(a: Surface, b: Surface, grid: SurfaceGrid, *, aligned: bool) -> tupl
     """
     both = a.valid & b.valid if aligned else np.zeros(grid.shape, np.bool_)
     matched = match(a.labels, b.labels, both)
-    return (
-        *_of_side(a, b, matched, grid, aligned=aligned),
-        *_of_side(b, a, matched.turned(), grid, aligned=aligned),
-    )
+    return (*_of_side(a, b, matched, grid, aligned=aligned), *_of_side(b, a, matched.turned(), grid, aligned=aligned))
 
 
 def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, *, aligned: bool) -> list[Cell]:
@@ -210,10 +207,7 @@ class _Depth:
             relief = np.where(share[label] >= DEPTH_KNOWN, relief, np.float32(np.nan))
             volume_mm3 /= np.maximum(share, DEPTH_KNOWN)
         return cls(
-            side.name,
-            _known_quantiles(relief, label, n, 0.5),
-            _known_quantiles(relief, label, n, 0.95),
-            volume_mm3,
+            side.name, _known_quantiles(relief, label, n, 0.5), _known_quantiles(relief, label, n, 0.95), volume_mm3
         )
 
 

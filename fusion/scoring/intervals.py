@@ -74,11 +74,7 @@ def bland_altman(a: Coordinates, b: Coordinates) -> Limits | None:
     differs = b - a
     bias, spread = float(differs.mean()), 1.96 * float(differs.std(ddof=1))
     return Limits(
-        pairs=int(a.size),
-        bias=bias,
-        low=bias - spread,
-        high=bias + spread,
-        bias_interval=interval_of(differs, np.mean),
+        pairs=int(a.size), bias=bias, low=bias - spread, high=bias + spread, bias_interval=interval_of(differs, np.mean)
     )
 
 

@@ -17,15 +17,7 @@ from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.evidence.relief import ParallaxRelief
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.cleaning import clean
-from endoct.fusion.segmentation.learned.looking import (
-    COARSEST_MM,
-    LOOK_MM,
-    Inputs,
-    grain,
-    inputs_of,
-    look,
-    weights_for,
-)
+from endoct.fusion.segmentation.learned.looking import COARSEST_MM, LOOK_MM, Inputs, grain, inputs_of, look, weights_for
 from endoct.fusion.segmentation.parameters import NO_EYE, OUR_EYE, SegmentParameters
 from endoct.fusion.segmentation.segment import Segmentation, decided_by_depth, doubts_of_share
 

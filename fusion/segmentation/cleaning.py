@@ -10,12 +10,7 @@ leaves 0.83 of the cells in place of 0.86, and 6 other regions a bore in place o
 
 
 def clean(
-    mask: Mask,
-    dz_mm: float,
-    column_mm: float,
-    parameters: SegmentParameters,
-    *,
-    largest_hole_mm2: float | None = None,
+    mask: Mask, dz_mm: float, column_mm: float, parameters: SegmentParameters, *, largest_hole_mm2: float | None = None
 ) -> Mask:
     """Return ``mask`` opened, closed, and without small cells and holes.
 

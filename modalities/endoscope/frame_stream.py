@@ -20,13 +20,7 @@ from endoct.modalities.endoscope.light import full_scale, reduced_light
 from endoct.modalities.endoscope.manifest import EndoscopeAcquisition
 from endoct.modalities.endoscope.mirror.annulus import LEAST_SUPPORT, find_annulus, follow
 from endoct.modalities.reading.numbering import positions_along
-from endoct.modalities.reading.recording import (
-    IMAGE_SUFFIXES,
-    ImageStack,
-    gives_frames,
-    open_stack,
-    some_frames,
-)
+from endoct.modalities.reading.recording import IMAGE_SUFFIXES, ImageStack, gives_frames, open_stack, some_frames
 from endoct.modalities.reading.remarks import NONE, Remarks
 from endoct.modalities.stated import on_stated
 

@@ -37,10 +37,7 @@ class EndoscopeParameters(BaseModel):
     taper: float = Field(
         default=0.3, ge=1e-3, le=1, description="part of the visible band over which weights rise and fall"
     )
-    probe_offset: bool = Field(
-        default=True,
-        description="correct z and θ for a probe off the bore's axis",
-    )
+    probe_offset: bool = Field(default=True, description="correct z and θ for a probe off the bore's axis")
     parallax: bool = Field(default=True, description="find depth by how places move from frame to frame")
     self_calibration: bool = Field(
         default=True, description="find the mirror's cone by the feed where the sidecar does not give its optics"

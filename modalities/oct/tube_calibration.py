@@ -151,12 +151,7 @@ def _measurement(
         Quantity("capillary_off_axis_mm", "capillary off the tube's axis", off_mm, off_sigma, "mm"),
         Quantity("capillary_lean_rad", "slope of the capillary in the tube", lean_rad, lean_sigma, "rad"),
     ]
-    return Measurement(
-        keys,
-        tuple(quantities),
-        _panels(model, fit),
-        doubts,
-    )
+    return Measurement(keys, tuple(quantities), _panels(model, fit), doubts)
 
 
 def _doubts(calibration: OctCalibration, inward: bool) -> tuple[Doubt, ...]:

@@ -140,13 +140,7 @@ class TubeModel:
     def fit(self, capillary_sigma_mm: float) -> TubeFit:
         """Return the parameters that fit best. Raises :class:`NotSeen` where none do."""
         start = self.start()
-        return fit_model(
-            self.distances_mm,
-            start,
-            *self.expected(capillary_sigma_mm),
-            self.groups(),
-            self.clusters(),
-        )
+        return fit_model(self.distances_mm, start, *self.expected(capillary_sigma_mm), self.groups(), self.clusters())
 
 
 def refined(pose: TubePose, fit: TubeFit) -> TubePose:

@@ -59,11 +59,7 @@ class TubePose:
 
 
 def poses(
-    image: Coordinates,
-    row_z_mm: Coordinates,
-    target: Target,
-    template: Template,
-    scales: Iterable[float],
+    image: Coordinates, row_z_mm: Coordinates, target: Target, template: Template, scales: Iterable[float]
 ) -> list[TubePose]:
     """Return the best pose of each orientation, the best first.
 

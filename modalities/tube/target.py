@@ -49,10 +49,7 @@ class Target(BaseModel):
     ring_width_mm: tuple[Width, Width] = Field(description="of the narrow ring and of the wide one, along z")
     ring_depth_mm: Width = Field(description="of both rings")
     ink_depth_mm: float = Field(
-        default=0.015,
-        ge=0,
-        le=1,
-        description="from the bore to where the ink in the grooves begins",
+        default=0.015, ge=0, le=1, description="from the bore to where the ink in the grooves begins"
     )
     standard_errors: TubeErrors = Field(default=TubeErrors(), description="of the dimensions, mm")
 

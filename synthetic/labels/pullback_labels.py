@@ -153,12 +153,7 @@ def _draw(flags: NDArray[np.uint8], delay_px: Coordinates, visible: Mask, n: int
 
 
 def write_oct_labels(
-    folder: Path,
-    model: Model,
-    pullback: Pullback,
-    pixels: NDArray[np.int32],
-    advance: Advance,
-    workers: int,
+    folder: Path, model: Model, pullback: Pullback, pixels: NDArray[np.int32], advance: Advance, workers: int
 ) -> None:
     """Write ``oct.zarr`` and the noise-free twins ``oct_clean.tif``.
 

@@ -7,11 +7,7 @@ from typing import Literal
 PresetName = Literal["quick", "paper", "mastoid", "patient", "small-patient", "hard", "learning", "tube"]
 Bone = Literal["phantom", "mastoid", "network", "volume", "tube"]
 Ranges = Mapping[str, tuple[float, float]]
-MASTOID_RANGES: Ranges = {
-    "bore.dust": (0.0, 0.20),
-    "bore.fluid": (0.0, 0.20),
-    "bore.lining": (0.1, 0.5),
-}
+MASTOID_RANGES: Ranges = {"bore.dust": (0.0, 0.20), "bore.fluid": (0.0, 0.20), "bore.lining": (0.1, 0.5)}
 # Bone is as it was before its density and larger cells: data sets made with one version go with those of another.
 LEARNING_RANGES: Ranges = {
     **MASTOID_RANGES,

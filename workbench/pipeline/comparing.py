@@ -44,15 +44,7 @@ from endoct.workbench.running.scheduler import PendingCall, Scheduler
 from endoct.workbench.settings import parse
 from endoct.workbench.sides.recipes import with_recipe
 from endoct.workbench.sides.recordings import Unrolled
-from endoct.workbench.sides.sources import (
-    Ready,
-    Source,
-    inputs_of,
-    open_sides,
-    read_sides,
-    source_of,
-    unroll_sources,
-)
+from endoct.workbench.sides.sources import Ready, Source, inputs_of, open_sides, read_sides, source_of, unroll_sources
 
 if TYPE_CHECKING:  # else the process that stores sides would load what reads command lines
     from endoct.workbench.requests import CompareRequest

@@ -92,8 +92,7 @@ def score_drawings(comparison: Comparison, drawn: Mapping[str, DrawnMask], toler
         **dict(rater_agreement(drawings, comparison.grid, tolerance_mm)),
         consensus={
             name: Consensus(
-                method=METHODS[name],
-                sides=score_surface(comparison, Surface("consensus", mask, covered), tolerance_mm),
+                method=METHODS[name], sides=score_surface(comparison, Surface("consensus", mask, covered), tolerance_mm)
             )
             for name, mask in (("majority", by_majority), ("staple", by_staple))
         },

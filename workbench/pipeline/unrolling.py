@@ -36,10 +36,7 @@ def unroll_source(request: "UnrollRequest", store: Path | None, stages: Stages, 
     Raises :class:`EndoctError` where the recording cannot be used or shows no wall, or the modality has no volume.
     """
     recording = open_recording(
-        Path(request.path),
-        modality=request.modality,
-        recipe=request.recipe,
-        settings=parse(request.settings),
+        Path(request.path), modality=request.modality, recipe=request.recipe, settings=parse(request.settings)
     )
     unrolled = unroll_recording(recording, stages)
     panorama = unrolled.panorama

@@ -52,9 +52,7 @@ def read_findings(folder: Path) -> Findings:
 
 
 def findings_of(
-    comparison: Comparison,
-    panoramas: Sequence[Panorama],
-    pictures: Mapping[str, Mapping[int, tuple[Picture, ...]]],
+    comparison: Comparison, panoramas: Sequence[Panorama], pictures: Mapping[str, Mapping[int, tuple[Picture, ...]]]
 ) -> Findings:
     """Return what there is to report of ``comparison``; ``panoramas`` of its sides, ``pictures`` by their names."""
     both = both_sides(comparison.grid, comparison.sides, panoramas, pictures, aligned=comparison.result.aligned)

@@ -42,10 +42,7 @@ CELLS = (
     "cells-unsure", "cells-by-eye-alone", "cells-in-noise", "cells-faint", "cells-without-outline", "wall-mostly-cells",
     "bone-before-surface", "darkness-behind-wall",
 )  # fmt: skip
-UNDONE = {
-    "forced": "force=false",
-    "aligned-by-method": "alignment_method=endoct",
-}
+UNDONE = {"forced": "force=false", "aligned-by-method": "alignment_method=endoct"}
 """Doubts of a setting of the comparison, and the setting without which they are not there."""
 TRUST_PAIRS = ("corrected-by-hand", "aligned-by-hand", "orientation-by-hand")
 MORE_CELLS = ("score-uncertain", "few-cells-decide", "nothing-to-score")

@@ -100,10 +100,7 @@ def panorama_sections(outline: PanoramaOutline, figures: Mapping[str, Markup] = 
         "provenance": MADE,
     }
     texts = rendered_blocks(
-        "report/panorama.html",
-        notes=enumerate(outline.notes, 1),
-        made=outline.provenance,
-        leaf_rows=leaf_rows,
+        "report/panorama.html", notes=enumerate(outline.notes, 1), made=outline.provenance, leaf_rows=leaf_rows
     )
     return in_order(titles, {**figures, quality_name(side): _quality(side, figures)}, texts)
 

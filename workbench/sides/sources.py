@@ -55,10 +55,7 @@ class Source:
 
 
 def source_of(
-    given: "Recorded",
-    modality: str | None,
-    settings: "Settings",
-    recipe: "RecipeName | None" = None,
+    given: "Recorded", modality: str | None, settings: "Settings", recipe: "RecipeName | None" = None
 ) -> Source:
     """Return the source that a request states. Raises :class:`EndoctError` for settings that cannot be read."""
     return Source(given if isinstance(given, Panorama) else Path(given), modality, parse(settings), recipe)
@@ -195,12 +192,7 @@ def open_source(source: Source) -> Opened:
         return drawn or panorama
     if kind == MASK:
         return source.given
-    return open_recording(
-        source.given,
-        modality=source.modality,
-        recipe=source.recipe,
-        settings=source.settings,
-    )
+    return open_recording(source.given, modality=source.modality, recipe=source.recipe, settings=source.settings)
 
 
 def _radius_mm(opened: Opened) -> float | None:

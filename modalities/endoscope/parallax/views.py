@@ -183,12 +183,7 @@ def _contrast(near: Image, around: Image, known: NDArray[np.uint8], shares: tupl
 
 @compiled
 def _in_spreads(
-    contrast: Image,
-    square: Image,
-    known: NDArray[np.uint8],
-    share: Image,
-    beyond: int,
-    steps: NDArray[np.int8],
+    contrast: Image, square: Image, known: NDArray[np.uint8], share: Image, beyond: int, steps: NDArray[np.int8]
 ) -> None:
     """Write ``contrast`` in steps of its spread; 0 means unknown, so none of them is 0."""
     for i in range(steps.shape[0]):

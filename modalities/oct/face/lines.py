@@ -212,12 +212,7 @@ def _support(strength: Image, crossings: _Crossings) -> Image:
 
 
 def fit_circle(
-    points: Points,
-    start: Circle,
-    *,
-    width_mm: float,
-    axis_depth_mm: float | None = None,
-    axis_weight: float = 0.0,
+    points: Points, start: Circle, *, width_mm: float, axis_depth_mm: float | None = None, axis_weight: float = 0.0
 ) -> Circle:
     """Return the circle near ``start``, of its radius, through ``points``.
 

@@ -20,12 +20,7 @@ from endoct.base.numeric.circle import largest_divisor
 from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.oct.bscan import Spacing
 from endoct.modalities.oct.parameters import OctParameters
-from endoct.modalities.oct.surface.background import (
-    LN_POWER_PER_SIGMA,
-    Background,
-    relative_power,
-    spread_of_noise,
-)
+from endoct.modalities.oct.surface.background import LN_POWER_PER_SIGMA, Background, relative_power, spread_of_noise
 
 Rows = NDArray[np.intp]
 
@@ -73,12 +68,7 @@ class _Weights(NamedTuple):
 
 
 def surface_evidence(
-    level: Image,
-    start: int,
-    first_row: Rows,
-    background: Background,
-    spacing: Spacing,
-    parameters: OctParameters,
+    level: Image, start: int, first_row: Rows, background: Background, spacing: Spacing, parameters: OctParameters
 ) -> Image:
     """Return evidence for the surface at each row, and in the last column for none; float32 (n_columns, n_depth + 1).
 
