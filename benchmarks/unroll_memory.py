@@ -13,21 +13,77 @@ of the processors.
 """
 
 import argparse
+import shutil
+import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from endoct.workbench.bench.cases.speed_jobs import write_recording
-from endoct.workbench.running.measured import measure_program
+import cv2
+import numpy as np
+import tifffile
+from numpy.typing import NDArray
+
+from endoct.modalities.reading.recording import open_stack
 
 IMPORTED = "import xarray, zarr, endoct.workbench.api, endoct.modalities.{}.plugin"
 BYTES_OF_PANORAMA = {"oct": 13, "endoscope": 9}  # a sample: float32 of intensity, weight and depth, and valid
+WATCHED = """
+import os, sys, time
+start = time.perf_counter()
+process = os.posix_spawn(sys.argv[1], sys.argv[1:], os.environ, file_actions=[(os.POSIX_SPAWN_DUP2, 2, 1)])
+_, status, used = os.wait4(process, 0)
+print(used.ru_maxrss, time.perf_counter() - start, used.ru_utime + used.ru_stime)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
 
 
 def measured(command: list[str]) -> tuple[float, float, float]:
-    """Run a command; return its largest resident set, MB, and seconds of clock and processors."""
-    run = measure_program(command, None)
-    return run.peak_mb, run.seconds[0], run.cpu_seconds[0]
+    """Run a command; return its largest resident set, MB, and seconds of clock and processors.
+
+    Not as a child of this process: on Linux the largest resident set of a program begins with that of its parent.
+    """
+    run = subprocess.run([sys.executable, "-c", WATCHED, *command], stdout=subprocess.PIPE, text=True, check=True)
+    resident, seconds, busy = map(float, run.stdout.split())
+    return resident * (1 if sys.platform == "darwin" else 1024) / 1e6, seconds, busy
+
+
+def write_recording(specimen: Path, side: str, count: int, width: int, folder: Path) -> None:
+    """Write a recording of ``count`` slices of ``width`` A-scans, or frames of so many columns, with its sidecar.
+
+    Slices keep their depth samples, frames their shape.
+    """
+    stack = open_stack(specimen / side / "pullback.tif" if side == "oct" else specimen / side)
+    first = np.asarray(stack[0])
+    size = width, len(first) if side == "oct" else round(width * len(first) / first.shape[1])
+    how = cv2.INTER_AREA if width < first.shape[1] else cv2.INTER_LINEAR
+
+    def frames() -> Iterator[NDArray[Any]]:
+        for k in range(count):
+            image = np.ascontiguousarray(stack[place_of(k, len(stack), forth_and_back=side == "oct")])
+            enlarged = cv2.resize(image, size, interpolation=how)
+            noise = np.random.default_rng(k).integers(-1, 2, enlarged.shape)
+            yield np.clip(enlarged + noise, 0, np.iinfo(image.dtype).max).astype(image.dtype)
+
+    folder.mkdir(parents=True)
+    shutil.copy(specimen / side / "acquisition.toml", folder)
+    shape = count, *size[::-1], *first.shape[2:]
+    tifffile.imwrite(
+        folder / "recording.tif",
+        frames(),
+        shape=shape,
+        dtype=first.dtype,
+        photometric="rgb" if first.ndim == 3 else "minisblack",
+        bigtiff=np.prod(shape) * first.itemsize > 2**31,
+    )
+
+
+def place_of(k: int, n: int, *, forth_and_back: bool) -> int:
+    """Return which of ``n`` frames is the ``k``-th of a recording that repeats them."""
+    turn, place = divmod(k, n)
+    return n - 1 - place if forth_and_back and turn % 2 else place
 
 
 def main() -> None:

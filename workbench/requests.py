@@ -431,8 +431,8 @@ class BenchRequest:
     """Which methods to run, and on what.
 
     Args:
-        task: alignment, stitching, segmentation, oct, depth, pose, ablate, sensitivity, speed or a task of another
-            package; without one, all tasks are listed
+        task: alignment, stitching, segmentation, oct, depth, wall, pose or a task of another package; without one, all
+            tasks are listed
         conditions: ranges or choices to draw cases from, right after the task, such as cell_mm=0.2..1 or
             modality=depth|intensity
         output: folder for results.csv, bench.json and plots

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import accuracy
 from benchmarks.independent.run import judged
 from benchmarks.real_recordings import wall_of_coronary
 from endoct.workbench.bench.runner import run_method
 from endoct.workbench.bench.task import DOUBTED, SUCCESS
-from endoct.workbench.bench.tasks import ablate, pose
+from endoct.workbench.bench.tasks import pose
 
 LEAST_OCT = 0.7
 """An OCT that scores less must be doubted."""
@@ -59,17 +60,12 @@ _OF_PAIRS = {
 
 def _simulated(preset: str, seed: int) -> Numbers:
     """Return what endoct makes of a specimen of our simulator."""
-    case = ablate.TASK.cases(seed, 0, {"preset": (preset,)})
-    try:
-        scores = run_method(ablate.TASK, ablate.MAIN, case).scores
-    finally:
-        if case.scratch is not None:
-            case.scratch.cleanup()
+    (row,) = accuracy.evaluate(seed, {"preset": (preset,)}, [accuracy.MAIN])
     named = {"oct_truth": "jaccard_oct", "endo_truth": "jaccard_endoscope", "pair_native": "jaccard_pair"}
-    found = {ours: float(scores[theirs]) for theirs, ours in named.items() if theirs in scores}
-    doubted = float(scores.get(DOUBTED, 1.0))
+    found = {ours: float(row.scores[theirs]) for theirs, ours in named.items() if theirs in row.scores}
+    doubted = float(row.scores.get(DOUBTED, 1.0))
     silent = float(found.get("jaccard_oct", np.nan) < LEAST_OCT and not doubted)
-    return found | {"aligned": float(scores.get(SUCCESS, 0.0)), "doubted": doubted, "silent": silent}
+    return found | {"aligned": float(row.scores.get(SUCCESS, 0.0)), "doubted": doubted, "silent": silent}
 
 
 def _posed(seed: int) -> Numbers:

@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import RenderableType
@@ -12,17 +12,16 @@ from rich.table import Table
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import check_output, new_output
 from endoct.workbench.bench.checkpoint import Checkpoint, Facts, open_checkpoint
-from endoct.workbench.bench.results.plots import draw_differences, draw_plots
+from endoct.workbench.bench.results.plots import draw_plots
 from endoct.workbench.bench.results.result_tables import (
     bench_facts,
     difference_table,
     footnotes,
     table,
     write_csv,
-    write_differences,
     write_json,
 )
-from endoct.workbench.bench.results.score_summary import Difference, by_word, differences, score_names
+from endoct.workbench.bench.results.score_summary import differences, score_names
 from endoct.workbench.bench.runner import BenchPlan, MethodResult, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
 from endoct.workbench.requests import BenchRequest, by_request
@@ -34,15 +33,6 @@ MOST_LISTED = 20
 
 Lines = list[RenderableType]
 """Lines of text and tables for people to read."""
-
-
-@dataclass(frozen=True)
-class Results:
-    """The rows of a run, and the differences from the method that the others are compared with, if any."""
-
-    task: AnyTask
-    rows: Sequence[MethodResult]
-    differing: Sequence[Difference]
 
 
 def list_tasks() -> tuple[Facts, Lines]:
@@ -115,7 +105,7 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
     check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data)
     checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
     try:
-        results, facts, lines = _run(task, plan, workers, checkpoint, stages)
+        rows, facts, lines = _run(task, plan, workers, checkpoint, stages)
     except KeyboardInterrupt:
         n_finished, n_sources = len(checkpoint.read()), len(plan.sources)
         raise KeyboardInterrupt(
@@ -123,7 +113,10 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
         ) from None
     with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
         scratch.mkdir()
-        _write(results, facts, scratch, stages)
+        write_csv(rows, task, scratch / "results.csv")
+        write_json(facts, scratch / "bench.json")
+        with stages.stage("plots"):
+            draw_plots(rows, task, scratch / "plots")
     checkpoint.remove()
     return facts, [*lines, f"results: {output}"]
 
@@ -164,7 +157,7 @@ def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:
 
 def _run(
     task: AnyTask, plan: BenchPlan, workers: int, checkpoint: Checkpoint | None, stages: Stages
-) -> tuple[Results, Facts, Lines]:
+) -> tuple[list[MethodResult], Facts, Lines]:
     start = time.perf_counter()
     finished = {} if checkpoint is None else checkpoint.read()
     with stages.stage(f"bench {task.name}") as advance:
@@ -186,16 +179,4 @@ def _run(
     if task.against and differing:
         lines.append(difference_table(differing, task.against))
         facts["differences"] = {"against": task.against, "of": [asdict(one) for one in differing]}
-    return Results(task, rows, differing), facts, lines
-
-
-def _write(results: Results, facts: Facts, folder: Path, stages: Stages) -> None:
-    task, rows, differing = results.task, results.rows, results.differing
-    write_csv(rows, task, folder / "results.csv")
-    write_json(facts, folder / "bench.json")
-    with stages.stage("plots"):
-        for word, some in by_word(rows, task.by):
-            draw_plots(some, task, folder / "plots" / (word or ""))
-        if task.against and differing:
-            write_differences(differing, task.against, folder / "differences.csv")
-            draw_differences(differing, task.against, task, folder / "plots" / "differences.png")
+    return rows, facts, lines

@@ -29,9 +29,6 @@ DOUBTED = "doubted"
 OF_ONE = "Jaccard", "precision", "recall", "share"
 """What a score is begins with one of these where it lies between 0 and 1; where it may be negative, it has "minus"."""
 
-UP, DOWN = " up", " down"
-"""Names of two methods that change one thing both ways end so. They share a line where differences are drawn."""
-
 Given = TypeVar("Given")
 Truth = TypeVar("Truth")
 Answer = TypeVar("Answer")
@@ -123,8 +120,6 @@ class Task(Generic[Given, Truth, Answer]):
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods that the task itself provides, in addition to those that are registered.
     against: the method from which the others' differences are taken, case by case, unless the user names one.
-    by: a condition of words whose cases have nothing in common but their scores: results are summarised for each word
-        apart.
     exchange: how a method that is a program gets a case and answers, where it can.
     """
 
@@ -140,7 +135,6 @@ class Task(Generic[Given, Truth, Answer]):
     own: Callable[[Path], Sequence[Case[Given, Truth]]] | None = None
     methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
     against: str | None = None
-    by: str | None = None
     exchange: Exchange[Given, Answer] | None = None
 
 

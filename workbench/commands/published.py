@@ -71,7 +71,7 @@ class Submit:
     """Run methods on a published set, and write one JSON file with their scores (see docs/how-to/bench.md).
 
     Args:
-        task: oct, stitching, segmentation, alignment, depth or pose
+        task: oct, stitching, segmentation, alignment, depth, wall or pose
         data: folder of the set, as `endoct bench make` makes it
         output: the file to write
         methods: names of methods, separated by commas; default: all, or none where there are programs

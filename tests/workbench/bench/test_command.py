@@ -38,10 +38,12 @@ def test_results_are_written_and_told(doubling: AnyTask, tmp_path: Path) -> None
     assert stored["seeds"] == [3, 4, 5, 6]
     assert {"machine", "versions", "methods", "summary", "conditions"} <= set(stored)
     plots = {path.name for path in (tmp_path / "out" / "plots").iterdir()}
-    assert plots == {"overview.png", "against-size.png", "against-kind.png", "differences.png"}
-    with (tmp_path / "out" / "differences.csv").open(encoding="utf-8") as file:
-        (difference,) = csv.DictReader(file)
-    assert (difference["method"], difference["against"], difference["cases"]) == ("right", "wrong", "8")
+    assert plots == {"overview.png", "against-size.png", "against-kind.png"}
+    told = stored["differences"]
+    assert (told["against"], [(one["method"], one["score"], one["spread"]["n"]) for one in told["of"]]) == (
+        "wrong",
+        [("right", "error", 8)],
+    )
 
 
 def test_a_method_that_is_not_installed_is_left_out_and_said(doubling: AnyTask) -> None:
@@ -82,13 +84,13 @@ def test_the_command_line_lists_describes_and_refuses(
 
     status, text = said("--json")
     assert status == 0
-    assert {"segmentation", "ablate", "sensitivity"} <= set(json.loads(text))
+    assert {"segmentation", "oct", "pose"} <= set(json.loads(text))
     status, text = said("segmentation", "--describe")
     assert status == 0
     assert "signal_db" in text
     assert "otsu" in text
-    _, text = said("speed", "--describe")
-    assert "\nDoes work.job" in text  # a line of its own
+    _, text = said("alignment", "--describe")
+    assert "\nSays where B lies" in text  # a line of its own
     status, text = said("segmentation", "--methods", "otsuu")
     assert status == 1
     assert "'otsu'" in text

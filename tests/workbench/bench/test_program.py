@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_tasks import DOUBLING
 from processes import has_ended
 
 from endoct.base.errors import EndoctError
@@ -198,7 +199,7 @@ def test_a_program_needs_a_name_and_a_command(texts: tuple[str, ...]) -> None:
 def test_tasks_without_files_and_broken_commands_are_refused() -> None:
     assert parse_programs(("mine=run --fast a=b",)) == {"mine": "run --fast a=b"}
     with pytest.raises(EndoctError, match="cannot be given"):
-        with_programs(load_task("sensitivity"), {"mine": "run"})
+        with_programs(DOUBLING, {"mine": "run"})
     with pytest.raises(EndoctError, match="cannot be read"):
         with_programs(load_task("segmentation"), {"mine": "run 'half"})
     with pytest.raises(EndoctError, match="cannot be run"):

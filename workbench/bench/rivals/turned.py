@@ -16,13 +16,12 @@ from endoct.base.numeric.least_squares import harmonics
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.contract import Frame, FrameStream
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.tasks.ablate import STEPS
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 STATED_HARMONICS = 12
 """The panorama states the errors of angle as a length of the turn and so many harmonics."""
-WITHIN_TURNS = ("no-rotation", "no-turn-length", "no-lost-ascans")
+EVEN_WITHIN = {f"correct_{step}": False for step in ("rotation", "turn_length", "lost_ascans")}
 
 
 def nominal_rad(n_ascans: int) -> Coordinates:
@@ -36,8 +35,7 @@ def unrolled_as_turned(recording: Path, errors_of: Callable[[FrameStream], Coord
     The errors are float64 (n_slices, n_ascans), rad, in recording order. The panorama's ``per_frame`` says the rotation
     that was corrected as :func:`endoct.workbench.unroll` does. Raises :class:`EndoctError` as that does.
     """
-    settings = {name: value for step in WITHIN_TURNS for name, value in STEPS[step].oct.items()}
-    opened = open_recording(recording, modality="oct", settings=settings)
+    opened = open_recording(recording, modality="oct", settings=EVEN_WITHIN)
     errors = errors_of(opened.stream)
     even = replace(opened, stream=_Straightened(opened.stream, errors))
     return _stating(unroll_recording(even, SilentStages()).panorama, errors)

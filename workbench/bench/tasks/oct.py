@@ -27,8 +27,8 @@ from endoct.synthetic.sample.presets import PRESETS, PresetName
 from endoct.workbench.bench.cases.specimens import simulated
 from endoct.workbench.bench.program import read_answer, read_array, write_given
 from endoct.workbench.bench.task import SUCCESS, Case, Exchange, Range, Task, draw
-from endoct.workbench.bench.tasks.ablate import STEPS
 from endoct.workbench.pipeline.truth import Truth, load_truth, true_pose
+from endoct.workbench.sides.recipes import RECIPES
 
 CAPILLARY_MM = 1.7
 GAP_MM = 0.33  # that this capillary, its glass at least 0.1 mm thick, leaves next to the largest sheath drawn
@@ -261,9 +261,8 @@ TASK = Task(
 )
 
 
-def _without(*steps: str) -> Callable[[Path], Panorama]:
-    """Return the method that unrolls as `endoct unroll` does, with ``steps`` off."""
-    settings = {name: value for step in steps for name, value in STEPS[step].oct.items()}
+def _unrolled(**settings: object) -> Callable[[Path], Panorama]:
+    """Return the method that unrolls as `endoct unroll` does, with ``settings``."""
 
     def method(recording: Path) -> Panorama:
         from endoct.workbench.api import unroll
@@ -273,14 +272,15 @@ def _without(*steps: str) -> Callable[[Path], Panorama]:
     return method
 
 
-ours = _without()
-without_rotation = _without("no-rotation")
-without_turn_length = _without("no-turn-length")
-without_start_angle = _without("no-start-angle")
-without_lost_ascans = _without("no-lost-ascans")
-even = _without("no-turning")
-sine = _without("no-circle")
+EVEN_TURNS = {f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")}
+ours = _unrolled()
+without_rotation = _unrolled(correct_rotation=False)
+without_turn_length = _unrolled(correct_turn_length=False)
+without_start_angle = _unrolled(correct_start_angle=False)
+without_lost_ascans = _unrolled(correct_lost_ascans=False)
+even = _unrolled(**EVEN_TURNS)
+sine = _unrolled(undistort="sine")
 # Laves 2019, with our wall, and as published: the brightest sample for the wall
-sine_even = _without("no-turning", "no-circle")
-literal = _without("literal")
-brightest = _without("no-turning", "no-edge")
+sine_even = _unrolled(**EVEN_TURNS, undistort="sine")
+literal = _unrolled(**RECIPES["paper"]["oct"])
+brightest = _unrolled(**EVEN_TURNS, wall="maximum")

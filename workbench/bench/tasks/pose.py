@@ -24,7 +24,7 @@ from endoct.workbench.bench.cases.bores import (
     own_cases,
     posed_case,
 )
-from endoct.workbench.bench.cases.specimens import CELL_MM, DIFFICULTIES, PRESET_WORDS, simulated
+from endoct.workbench.bench.cases.specimens import DIFFICULTIES, PRESET_WORDS, simulated
 from endoct.workbench.bench.program import read_answer, write_answer, write_given, write_panoramas
 from endoct.workbench.bench.task import SUCCESS, Declined, Exchange, Range, Task, draw
 
@@ -50,7 +50,7 @@ SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
 OPTIONAL: Mapping[str, Range] = {
     SEEN_MM: (5.0, 30.0),
     WALL_SHARE: (0.3, 1.0),
-    **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in (*RANGES, CELL_MM)},
+    **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in RANGES},
 }
 
 

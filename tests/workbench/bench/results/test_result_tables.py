@@ -11,7 +11,6 @@ from endoct.workbench.bench.results.result_tables import (
     footnotes,
     table,
     write_csv,
-    write_differences,
 )
 from endoct.workbench.bench.results.score_summary import Difference, Spread
 
@@ -39,14 +38,6 @@ def test_rows_become_lines_with_gaps_where_there_is_nothing(tmp_path: Path) -> N
         "doubling,1-0,right,ok,,1,1,0.5,odd,,2,0.123456789",
         r'doubling,1-0,wrong,declined,"too hard, \udce9",1,1,0.333333333,,0,,',
         "",
-    ]
-
-
-def test_differences_become_lines(tmp_path: Path) -> None:
-    write_differences([Difference("a", "error", Spread(3, -1.0, -2.0, 1 / 3), 2, 1)], "b", tmp_path / "d.csv")
-    assert (tmp_path / "d.csv").read_text(encoding="utf-8").splitlines() == [
-        "method,against,score,cases,median,quartile_1,quartile_3,lower,higher",
-        "a,b,error,3,-1,-2,0.333333,2,1",
     ]
 
 
