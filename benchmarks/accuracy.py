@@ -17,7 +17,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
@@ -38,7 +37,7 @@ from endoct.workbench.bench.results.plots import draw_plots
 from endoct.workbench.bench.results.result_tables import difference_table, write_csv
 from endoct.workbench.bench.results.score_summary import differences, score_names
 from endoct.workbench.bench.runner import MethodResult, narrowed, parse_seeds, run_method
-from endoct.workbench.bench.task import DOUBTED, SUCCESS, Case, Declined, Range, Task, draw
+from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
 from endoct.workbench.pipeline.truth import held_against, load_truth
 from endoct.workbench.running.scheduler import one_blas_thread
 from endoct.workbench.sides.recipes import RECIPES
@@ -145,7 +144,7 @@ def judge(case: Case[Specimen, Path], answer: Compared) -> dict[str, float]:
         raise Declined(made.reason or "not aligned", {SUCCESS: 0.0} | scores)
     parts = made.result.budget.parts.by_cause() if made.result.budget else {}
     lost = {f"lost_{cause}": part.share for cause, part in parts.items()}
-    return {SUCCESS: right, DOUBTED: float(bool(made.doubts))} | scores | lost
+    return {SUCCESS: right, "doubted": float(bool(made.doubts))} | scores | lost
 
 
 TASK: Task[Specimen, Path, Compared] = Task(
@@ -208,7 +207,7 @@ def main() -> None:
     arguments = parser.parse_args()
     groups = {"steps": [*STEPS], "parameters": [MAIN, *parameters()]}
     methods = groups.get(arguments.methods, arguments.methods.split(","))
-    ranges: dict[str, Any] = {**narrowed(TASK, arguments.vary), "preset": (arguments.preset,)}
+    ranges: dict[str, Range] = {**narrowed(TASK, arguments.vary), "preset": (arguments.preset,)}
     rows: list[MethodResult] = []
     with ProcessPoolExecutor(arguments.workers) as pool:
         work = partial(evaluate, ranges=ranges, methods=methods)

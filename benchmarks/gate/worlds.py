@@ -12,7 +12,7 @@ from benchmarks import accuracy
 from benchmarks.independent.run import judged
 from benchmarks.real_recordings import wall_of_coronary
 from endoct.workbench.bench.runner import run_method
-from endoct.workbench.bench.task import DOUBTED, SUCCESS
+from endoct.workbench.bench.task import SUCCESS
 from endoct.workbench.bench.tasks import pose
 
 LEAST_OCT = 0.7
@@ -63,7 +63,7 @@ def _simulated(preset: str, seed: int) -> Numbers:
     (row,) = accuracy.evaluate(seed, {"preset": (preset,)}, [accuracy.MAIN])
     named = {"oct_truth": "jaccard_oct", "endo_truth": "jaccard_endoscope", "pair_native": "jaccard_pair"}
     found = {ours: float(row.scores[theirs]) for theirs, ours in named.items() if theirs in row.scores}
-    doubted = float(row.scores.get(DOUBTED, 1.0))
+    doubted = float(row.scores.get("doubted", 1.0))
     silent = float(found.get("jaccard_oct", np.nan) < LEAST_OCT and not doubted)
     return found | {"aligned": float(row.scores.get(SUCCESS, 0.0)), "doubted": doubted, "silent": silent}
 

@@ -24,12 +24,13 @@ import torch
 
 from benchmarks.pose import Row, impossible, judged
 from benchmarks.second_origin.bores import BoneBore, made, real
+from benchmarks.second_origin.volumes import simpleitk_matching
 from endoct.workbench.bench.cases.bores import PoseCase
-from endoct.workbench.bench.rivals.pose import open3d, simpleitk, small_gicp
+from endoct.workbench.bench.rivals.pose import matched_by, open3d, small_gicp
 from endoct.workbench.bench.task import Declined
 from endoct.workbench.bench.tasks.pose import judge
 
-RIVALS = (small_gicp, open3d, simpleitk)
+RIVALS = {"small-gicp": small_gicp, "open3d": open3d, "simpleitk": matched_by(simpleitk_matching)}
 
 
 def main() -> None:
@@ -102,8 +103,8 @@ def _by_rivals(cases: Iterator[PoseCase]) -> Iterator[Row]:
     for case in cases:
         (oct_, _), ct, plan = case.given
         alone = replace(case, given=((oct_,), ct, plan), truth=replace(case.truth, sides=case.truth.sides[:1]))
-        for rival in RIVALS:
-            about: Row = {"case": case.name, "sides": "oct", "method": rival.__name__}
+        for name, rival in RIVALS.items():
+            about: Row = {"case": case.name, "sides": "oct", "method": name}
             try:
                 yield {**about, "told": True, **judge(alone, rival(*alone.given))}
             except Declined as declined:

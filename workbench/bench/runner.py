@@ -237,11 +237,11 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 def narrowed(task: AnyTask, wanted: Sequence[str], sweep: str | None = None) -> dict[str, Range]:
     """Return the ranges of ``task``, of which those in ``wanted`` ("name=low..high", "name=word|word") are replaced.
 
-    Where nothing is wanted, the task's usual ranges hold. With ``sweep``, that condition alone is varied. All others
+    With ``sweep``, that condition alone is varied. All others
     that are not in ``wanted`` stay at the middle of their range, or at their first word. Raises :class:`EndoctError`
     for a condition that the task does not have, or a range that cannot be drawn from.
     """
-    ranges, known = {**task.ranges, **task.usual}, {**task.optional, **task.ranges}
+    ranges, known = dict(task.ranges), {**task.ranges, **task.optional}
     texts = range_texts(wanted, "condition")
     for name in [*texts, *([sweep] if sweep is not None else [])]:
         if name not in known:

@@ -23,9 +23,6 @@ from endoct.synthetic.sample.ranges import Range as Range  # what a condition is
 SUCCESS = "success"
 """The score that says, as 1.0 or 0.0, whether an answer will do; the table gives its share with an interval."""
 
-DOUBTED = "doubted"
-"""The score that says, as 1.0 or 0.0, that a method answered and called its own answer doubtful."""
-
 OF_ONE = "Jaccard", "precision", "recall", "share"
 """What a score is begins with one of these where it lies between 0 and 1; where it may be negative, it has "minus"."""
 
@@ -90,13 +87,11 @@ class Exchange(Generic[Given, Answer]):
     write: ``write(given, folder)`` writes what a method is called with, and nothing that leads to the truth.
     read: ``read(given, folder)`` returns the answer; raises where it is none.
     answer: ``answer(answer, folder)`` writes what a method in Python answered, so that ``read`` returns it.
-    files: what both folders hold, for people who write a program.
     """
 
     write: Callable[[Given, Path], None]
     read: Callable[[Given, Path], Answer]
     answer: Callable[[Answer, Path], None]
-    files: str = ""
 
 
 @dataclass(frozen=True)
@@ -112,11 +107,10 @@ class Task(Generic[Given, Truth, Answer]):
         order; ``ranges`` are those below, narrowed to what the user wants.
     judge: ``judge(case, answer)`` returns the scores. Must treat all methods alike. May raise :class:`Declined`; any
         other exception means that the answer is useless.
-    ranges: the conditions that are drawn and what they are drawn from; see :func:`draw`.
+    ranges: the conditions that are drawn, and what from unless the user wants something else; see :func:`draw`.
     scores: name → what it is, with unit ("mean landmark error, px"), in the order to show them, see :data:`OF_ONE`.
-        ``success`` and ``doubted`` need no entry.
-    usual: what ``ranges`` are narrowed to unless the user wants something else.
-    optional: further conditions and what they may be drawn from; only drawn where the user wants them.
+        ``success`` needs no entry.
+    optional: what else conditions may be drawn from, and further conditions, where the user wants them.
     own: the cases in one folder of the user's own data (laid out as a specimen, with truth), where that is possible.
     methods: methods that the task itself provides, in addition to those that are registered.
     against: the method from which the others' differences are taken, case by case, unless the user names one.
@@ -130,7 +124,6 @@ class Task(Generic[Given, Truth, Answer]):
     title: str = ""
     ranges: Mapping[str, Range] = field(default_factory=dict)
     scores: Mapping[str, str] = field(default_factory=dict)
-    usual: Mapping[str, Range] = field(default_factory=dict)
     optional: Mapping[str, Range] = field(default_factory=dict)
     own: Callable[[Path], Sequence[Case[Given, Truth]]] | None = None
     methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
@@ -212,7 +205,7 @@ def load_method(task: AnyTask, name: str) -> Function:
 
 def score_range(task: AnyTask, score: str) -> tuple[float, float]:
     """Return the least and the largest value that a score can have. Raises :class:`EndoctError` for an unknown one."""
-    if score in (SUCCESS, DOUBTED):
+    if score == SUCCESS:
         return 0.0, 1.0
     if score not in task.scores:
         unknown_name(score, (*task.scores, SUCCESS), f"score of '{task.name}'")

@@ -77,6 +77,6 @@ def test_seeds_are_read() -> None:
 def test_a_sweep_holds_the_other_conditions(doubling: AnyTask) -> None:
     assert narrowed(doubling, ["kind=odd"], "size") == {"size": (0.0, 1.0), "kind": ("odd",)}
     assert narrowed(doubling, [], "kind") == {"size": (0.5, 0.5), "kind": ("plain", "odd")}
-    usual = replace(doubling, usual={"kind": ("plain",)})
+    usual = replace(doubling, ranges={**doubling.ranges, "kind": ("plain",)}, optional={"kind": ("plain", "odd")})
     assert narrowed(usual, ["size=0.1..0.2"])["kind"] == ("plain",)
     assert narrowed(usual, ["kind=odd"])["kind"] == ("odd",)

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from endoct.workbench.bench.results.score_summary import by_method, count_true, score_names, share, spread, values_of
 from endoct.workbench.bench.runner import MethodResult
-from endoct.workbench.bench.task import DOUBTED, OF_ONE, SUCCESS, AnyTask
+from endoct.workbench.bench.task import OF_ONE, SUCCESS, AnyTask
 from endoct.workbench.report.figures.drawing import (
     BLUE,
     DPI,
@@ -35,7 +35,7 @@ Rows = Sequence[MethodResult]
 MOST_PANELS = 6
 FEWEST_IN_BIN, MOST_BINS = 4, 8
 UNANSWERED = "not answered"
-SHARES = {SUCCESS: "share of successes", UNANSWERED: "share declined, failed or called doubtful"}
+SHARES = {SUCCESS: "share of successes", UNANSWERED: "share declined or failed"}
 _MARKERS: tuple[tuple[LineStyle, str], ...] = (("-", "os^D"), ("--", "v<>P"), ("-.", "XphD"))
 
 
@@ -154,7 +154,9 @@ def _curve(axes: Axes, own: Rows, condition: str, name: str, style: Style, shift
     points = []
     for x, width, group in _groups(own, condition):
         if name in SHARES:
-            part = share(count_true(group, SUCCESS) if name == SUCCESS else sum(map(_doubtful, group)), len(group))
+            part = share(
+                count_true(group, SUCCESS) if name == SUCCESS else sum(row.status != "ok" for row in group), len(group)
+            )
             points.append((x + width * shift, part.k / part.n, part.low, part.high))
         elif values := values_of(group, name):
             quartiles = spread(values)
@@ -170,16 +172,12 @@ def _curve(axes: Axes, own: Rows, condition: str, name: str, style: Style, shift
 
 
 def _cases(axes: Axes, own: Rows, condition: str, score: str, style: Style) -> None:
-    """Draw every case, filled, or hollow where it was declined or doubted."""
+    """Draw every case, filled, or hollow where it was declined."""
     options: dict[str, Any] = {"color": style.colour, "markersize": 2.5, "markeredgewidth": 0.5, "alpha": 0.5}
-    for doubtful, fill in ((False, style.colour), (True, "none")):
-        some = [row for row in own if _doubtful(row) == doubtful and score in row.scores]
+    for answered, fill in ((True, style.colour), (False, "none")):
+        some = [row for row in own if (row.status == "ok") == answered and score in row.scores]
         at, values = [row.conditions[condition] for row in some], values_of(some, score)
         axes.plot(at, values, style.marker, markerfacecolor=fill, **options)
-
-
-def _doubtful(row: MethodResult) -> bool:
-    return row.status != "ok" or row.scores.get(DOUBTED, 0.0) > 0.5
 
 
 def _groups(own: Rows, condition: str) -> Iterator[tuple[float, float, Rows]]:

@@ -12,7 +12,7 @@ from endoct.base.files.files import spreadsheet_text
 from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
 from endoct.workbench.bench.results.score_summary import Difference, Share, Spread, score_names, summarise
 from endoct.workbench.bench.runner import BenchPlan, MethodResult
-from endoct.workbench.bench.task import DOUBTED, SUCCESS, AnyTask, load_task
+from endoct.workbench.bench.task import SUCCESS, AnyTask, load_task
 from endoct.workbench.running.outputs import json_text
 
 MOST_COLUMNS = 5
@@ -28,8 +28,7 @@ def table(rows: Sequence[MethodResult], task: AnyTask) -> Table:
     summaries = summarise(rows, [*task.scores])
     scores = score_names(rows, [*task.scores])[:MOST_COLUMNS]
     judged = any(summary.success is not None for summary in summaries)
-    doubts = any(DOUBTED in row.scores for row in rows)
-    counted = ["ok", *(["doubted"] if doubts else []), "declined", "failed"]
+    counted = "ok", "declined", "failed"
     lines = Table("method", *(["success (95 %)"] if judged else []), *scores, *counted, "s", box=None)
     lines.columns[0].no_wrap = True
     for column in lines.columns[1:]:
@@ -46,8 +45,6 @@ def footnotes(rows: Sequence[MethodResult], task: AnyTask) -> list[str]:
     """Return what there is to know when reading the table: what the scores are, and why methods failed."""
     summaries = summarise(rows, [*task.scores])
     lines = ["median (quartiles) over the cases that have the score; success over all cases; s: median seconds a case"]
-    if any(summary.doubted for summary in summaries):
-        lines.append("doubted: of the cases it answered, those in which it called its own answer doubtful")
     lines += [f"{name}: {what}" for name, what in task.scores.items() if any(name in s.scores for s in summaries)]
     for summary in summaries:
         more = len(summary.reasons) - MOST_REASONS
@@ -85,8 +82,8 @@ def _spread(spread: Spread | None, sign: str = "") -> str:
 def write_csv(rows: Sequence[MethodResult], task: AnyTask, path: Path) -> None:
     """Write a line for each row: what was run, its status, its conditions and its scores; empty where there is none."""
     conditions = dict.fromkeys(name for row in rows for name in row.conditions)
-    scores = [name for name in (SUCCESS, DOUBTED) if any(name in row.scores for row in rows)]
-    scores += score_names(rows, [*task.scores])
+    judged = [SUCCESS] if any(SUCCESS in row.scores for row in rows) else []
+    scores = [*judged, *score_names(rows, [*task.scores])]
     titles = ["task", *COLUMNS, *(f"condition.{name}" for name in conditions), *(f"score.{name}" for name in scores)]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)

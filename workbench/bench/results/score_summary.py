@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from endoct.workbench.bench.runner import MethodResult
-from endoct.workbench.bench.task import DOUBTED, SUCCESS
+from endoct.workbench.bench.task import SUCCESS
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,13 @@ class Share:
 class Summary:
     """The results of one method over all cases.
 
-    ``scores`` are over the cases that have the score. Of the cases it answered it called ``doubted`` doubtful itself.
-    ``success`` is over all cases, declined and failed ones included, or None where the task does not judge success.
+    ``scores`` are over the cases that have the score, ``success`` is over all cases, declined and failed ones included,
+    or None where the task does not judge success.
     """
 
     method: str
     cases: int
     ok: int
-    doubted: int
     declined: int
     failed: int
     success: Share | None
@@ -73,8 +72,8 @@ def by_method(rows: Sequence[MethodResult]) -> dict[str, list[MethodResult]]:
 
 
 def score_names(rows: Sequence[MethodResult], listed: Sequence[str]) -> list[str]:
-    """Return the names of the scores that rows have, ``listed`` first, ``success`` and ``doubted`` left out."""
-    present = dict.fromkeys(name for row in rows for name in row.scores if name not in (SUCCESS, DOUBTED))
+    """Return the names of the scores that rows have, ``listed`` first, ``success`` left out."""
+    present = dict.fromkeys(name for row in rows for name in row.scores if name != SUCCESS)
     return [name for name in listed if name in present] + [name for name in present if name not in listed]
 
 
@@ -114,7 +113,6 @@ def _summary(method: str, own: Sequence[MethodResult], names: Sequence[str], *, 
         method=method,
         cases=len(own),
         ok=status.count("ok"),
-        doubted=count_true(own, DOUBTED),
         declined=status.count("declined"),
         failed=status.count("failed"),
         success=share(count_true(own, SUCCESS), len(own)) if judged else None,

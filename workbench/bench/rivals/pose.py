@@ -27,7 +27,6 @@ from endoct.workbench.bench.rivals.pose_starts import (
     ranked_starts,
     transform_of,
 )
-from endoct.workbench.bench.rivals.pose_volumes import simpleitk_matching
 from endoct.workbench.bench.task import Declined
 from endoct.workbench.bench.tasks.pose import Located, judged_side
 
@@ -40,7 +39,7 @@ Library = Callable[[AirAround], Callable[[Observation, Panorama], Matching]]
 """The air in a CT to how a side is matched with it."""
 
 
-def _method(library: Library) -> Callable[[tuple[Panorama, ...], CtVolume, Trajectory], Located]:
+def matched_by(library: Library) -> Callable[[tuple[Panorama, ...], CtVolume, Trajectory], Located]:
     """Return the method that matches a side with ``library``."""
 
     def method(sides: tuple[Panorama, ...], ct: CtVolume, plan: Trajectory) -> Located:
@@ -78,6 +77,4 @@ def _best(side: Observation, air: AirAround, matching: Matching) -> _Result:
 
 
 # points of the wall, by small_gicp's point-to-plane ICP, and by Open3D's with Tukey's kernel
-small_gicp, open3d = _method(small_gicp_matching), _method(open3d_matching)
-# the air on and behind the wall, by SimpleITK: a masked volume, by mutual information
-simpleitk = _method(simpleitk_matching)
+small_gicp, open3d = matched_by(small_gicp_matching), matched_by(open3d_matching)

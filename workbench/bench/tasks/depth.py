@@ -154,8 +154,8 @@ TASK = Task(
     ),
     cases=cases,
     judge=judge,
-    ranges={"recipe": PRESET_WORDS},
-    usual={"recipe": ("quick",)},
+    ranges={"recipe": ("quick",)},
+    optional={"recipe": PRESET_WORDS},
     scores={
         "error_um": "mean of the next two, µm",
         "wall_um": "median error on the wall, µm",

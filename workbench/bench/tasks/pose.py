@@ -39,15 +39,15 @@ CHI_SQUARE_95 = 5.991
 CT_VOXEL_MM = "ct.voxel_mm"
 SIDES: Mapping[str, Sequence[str]] = {"both": ("oct", "endoscope"), "oct": ("oct",), "endoscope": ("endoscope",)}
 RANGES: Mapping[str, Range] = {
-    "preset": PRESET_WORDS,
+    "preset": ("patient",),
     "sides": tuple(SIDES),
     "plan_aside_mm": (PLAN_ASIDE_MM, PLAN_ASIDE_MM),
     "plan_tilt_deg": (PLAN_TILT_DEG, PLAN_TILT_DEG),
     CT_VOXEL_MM: (0.3, 0.3),
 }
-USUAL: Mapping[str, Range] = {"preset": ("patient",)}
 SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
 OPTIONAL: Mapping[str, Range] = {
+    "preset": PRESET_WORDS,
     SEEN_MM: (5.0, 30.0),
     WALL_SHARE: (0.3, 1.0),
     **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in RANGES},
@@ -81,7 +81,7 @@ class Located:
 
 def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:
     """Simulate a bore with its CT, and draw a plan that lies off it."""
-    drawn = draw(seed, index, {**RANGES, **USUAL, **ranges})
+    drawn = draw(seed, index, {**RANGES, **ranges})
     given = {name: float(value) for name, value in drawn.items() if not isinstance(value, str)}
     difficulties = {name: value for name, value in drawn.items() if name in DIFFICULTIES}
     scratch = simulated(str(drawn["preset"]), seed, index, difficulties, ct=True)
@@ -217,7 +217,6 @@ TASK = Task(
     cases=cases,
     judge=judge,
     ranges=RANGES,
-    usual=USUAL,
     optional=OPTIONAL,
     scores={
         "target_mm": "error of the point of the axis 5 mm beyond the bore's end, mm",

@@ -114,8 +114,8 @@ TASK = Task(
     ),
     cases=cases,
     judge=judge,
-    ranges={"recipe": (MADE, *PRESET_WORDS), "modality": ("depth", "intensity"), **toy_walls.RANGES},
-    usual={"recipe": (MADE,)},
+    ranges={"recipe": (MADE,), "modality": ("depth", "intensity"), **toy_walls.RANGES},
+    optional={"recipe": (MADE, *PRESET_WORDS)},
     scores={
         "jaccard": "Jaccard index over valid samples",
         "precision": "precision, share of what is marked",

@@ -166,8 +166,8 @@ TASK = Task(
     ),
     cases=cases,
     judge=judge,
-    ranges={"recipe": (MADE, *PRESET_WORDS), **toy_strips.RANGES},
-    usual={"recipe": (MADE,)},
+    ranges={"recipe": (MADE,), **toy_strips.RANGES},
+    optional={"recipe": (MADE, *PRESET_WORDS)},
     scores={
         "right": "share of pairs right (within 0.03 mm and 1°)",
         "wrong": "share of pairs wrong",

@@ -177,8 +177,8 @@ TASK = Task(
     ),
     cases=cases,
     judge=judge,
-    ranges={"recipe": PRESET_WORDS},
-    usual={"recipe": ("quick",)},
+    ranges={"recipe": ("quick",)},
+    optional={"recipe": PRESET_WORDS},
     scores={
         "jaccard": "Jaccard index of the cells where both sides observed the wall",
         "ahead": "Jaccard index minus that of the better side, which only the truth tells",

@@ -15,11 +15,11 @@ from endoct.workbench.bench.task import AnyTask, Task
 TASK: AnyTask = Task("one", "", lambda *of: of, lambda *of: {})
 
 
-def test_doubted_answers_are_counted_and_are_no_score(tmp_path: Path) -> None:
-    scores = [{"success": 1.0, "doubted": float(k > 6), "j": k / 9} for k in range(9)]
+def test_success_is_no_score_of_its_own(tmp_path: Path) -> None:
+    scores = [{"success": 1.0, "j": k / 9} for k in range(9)]
     rows = [replace(row("main", str(k), "ok", **scores[k]), conditions={"size": float(k)}) for k in range(9)]
     (summary,) = summarise(rows)
-    assert (summary.ok, summary.doubted) == (9, 2)
+    assert summary.ok == 9
     assert score_names(rows, []) == ["j"]
     names = {path.name for path in draw_plots(rows, TASK, tmp_path / "plots")}
     assert names == {"overview.png", "against-size.png"}
@@ -64,10 +64,10 @@ def test_the_overview_has_a_line_a_method_with_median_quartiles_and_outcomes(
 
 
 def test_against_a_condition_are_medians_of_equal_bins_and_shares(figures: dict[str, Figure], tmp_path: Path) -> None:
-    """40 cases in 8 bins of 5; j is the size, each bin's first is declined, and doubted are those of the last bin."""
+    """40 cases in 8 bins of 5; j is the size, and each bin's first is declined."""
     rows = [
         replace(
-            row("main", str(k), "ok" if k % 5 else "declined", j=float(k), success=float(k >= 20), doubted=k / 39),
+            row("main", str(k), "ok" if k % 5 else "declined", j=float(k), success=float(k >= 20)),
             conditions={"size": float(k), "word": "ab"[k % 2]},
         )
         for k in range(40)
@@ -81,13 +81,12 @@ def test_against_a_condition_are_medians_of_equal_bins_and_shares(figures: dict[
     ((low, high),) = [np.array(segment)[:, 1] for segment in curve.lines[2][0].get_segments()[:1]]
     assert (low, high) == (1, 3), "quartiles"
     assert success.containers[0].lines[0].get_ydata() == pytest.approx([0] * 4 + [1] * 4)
-    shares = [0.2] * 4 + [1] * 4
-    assert unanswered.containers[0].lines[0].get_ydata() == pytest.approx(shares)
+    assert unanswered.containers[0].lines[0].get_ydata() == pytest.approx([0.2] * 8)
     assert success.get_ylim() == unanswered.get_ylim() == (-0.03, 1.03)
-    sure, doubtful = score.lines[:2]
-    assert sure.get_xdata().tolist() == [k for k in range(20) if k % 5]
-    assert len(doubtful.get_xdata()) == 24
-    assert doubtful.get_markerfacecolor() == "none"
+    answered, declined = score.lines[:2]
+    assert answered.get_xdata().tolist() == [k for k in range(40) if k % 5]
+    assert len(declined.get_xdata()) == 8
+    assert declined.get_markerfacecolor() == "none"
     assert score.get_xlim() == pytest.approx((-0.04 * 39, 39 + 0.04 * 39))
     by_word = figures["against-word.png"].axes[0]
     assert [label.get_text() for label in by_word.get_xticklabels()] == ["a", "b"]

@@ -70,12 +70,10 @@ def test_reasons_beyond_the_first_are_counted() -> None:
 
 
 def test_medians_and_shares_in_words() -> None:
-    rows = [row("a", str(k), "ok", success=float(k > 0), error=float(k - 1), doubted=float(k == 2)) for k in range(4)]
+    rows = [row("a", str(k), "ok", success=float(k > 0), error=float(k - 1)) for k in range(4)]
     found = table(rows, DOUBLING)
-    assert [column.header for column in found.columns][3:] == ["ok", "doubted", "declined", "failed", "s"]
+    assert [column.header for column in found.columns][3:] == ["ok", "declined", "failed", "s"]
     assert [cell for column in found.columns for cell in column.cells] == [
-        "a", "3/4 (30%–95%)", "0.5 (-0.25 to 1.25)", "4", "1", "0", "0", "1",
+        "a", "3/4 (30%–95%)", "0.5 (-0.25 to 1.25)", "4", "0", "0", "1",
     ]  # fmt: skip
     assert list(table([row("a", "1", "ok", error=2.0)], DOUBLING).columns[1].cells) == ["2 (2–2)"]
-    assert any(line.startswith("doubted: of the cases") for line in footnotes(rows, DOUBLING))
-    assert not any(line.startswith("doubted: of the cases") for line in footnotes(rows[:2], DOUBLING))
