@@ -25,8 +25,9 @@ import numpy as np
 import pandas as pd
 import torch
 
-from endoct.base.arrays import Coordinates
+from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.pose.air import AirAround, air_around
 from endoct.fusion.pose.finding import PoseAnswer, SidePose, answer, find_alone
@@ -34,11 +35,12 @@ from endoct.fusion.pose.observation import Observation, observe
 from endoct.fusion.pose.pose import WITHIN, BorePose
 from endoct.modalities.ct.ct_volume import CtVolume
 from endoct.modalities.ct.trajectory import Trajectory
+from endoct.stitching.panorama import Panorama
 from endoct.synthetic.ct_scan import scan
 from endoct.synthetic.sample.parameters import Sample
 from endoct.workbench.bench.cases.bores import PoseCase, posed_case
 from endoct.workbench.bench.tasks.pose import judge, located
-from endoct.workbench.pipeline.truth import load_truth
+from endoct.workbench.pipeline.truth import TruePose, load_truth
 
 SIDES = ("oct", "endoscope")
 LEAST_CELL_MM2 = 0.1
@@ -104,10 +106,17 @@ def impossible(cases: Sequence[PoseCase]) -> Iterator[Row]:
 
 
 def _case(specimen: Path, sample: Sample | None, name: str, value: float) -> PoseCase:
-    changed = {name: value} if name in ("seen_mm", "wall_share") else {}
-    if name == "plan_off":
-        changed = {"plan_aside_mm": value, "plan_tilt_deg": 2 * value}
-    case = posed_case(specimen, SIDES, seed=int("".join(filter(str.isdigit, specimen.name))), **changed)
+    changed = {"plan_aside_mm": value, "plan_tilt_deg": 2 * value} if name == "plan_off" else {}
+    seed = int("".join(filter(str.isdigit, specimen.name)))
+    case = posed_case(specimen, SIDES, seed=seed, **changed)
+    if name in ("seen_mm", "wall_share"):
+        middle_rad = float(np.random.default_rng([seed, 1]).uniform(0, 2 * np.pi))
+        shown = zip(case.given[0], case.truth.sides, strict=True)
+        if name == "seen_mm":
+            left = [nearest_the_end(panorama, pose, value) for panorama, pose in shown]
+        else:
+            left = [replace(one, valid=one.valid & sector(one, pose, middle_rad, value)) for one, pose in shown]
+        case = replace(case, given=(tuple(left), *case.given[1:]))
     if name != "voxel_mm" or sample is None or sample.ct is None:
         return case
     scanned = scan(sample, sample.ct.model_copy(update={"voxel_mm": value}), drilled=False)
@@ -115,6 +124,35 @@ def _case(specimen: Path, sample: Sample | None, name: str, value: float) -> Pos
         case.given[1], voxels=scanned.hu, origin_mm=scanned.lattice.origin_mm, steps_mm=scanned.lattice.steps_mm
     )
     return replace(case, given=(case.given[0], ct, case.given[2]))
+
+
+def nearest_the_end(panorama: Panorama, pose: TruePose, seen_mm: float) -> Panorama:
+    """Return the rows and frames of ``panorama`` that lie within ``seen_mm`` of the one nearest the bore's end."""
+    depth = pose.z_bore(panorama.z_mm)
+    kept = depth >= depth.max() - seen_mm
+    z_mm = panorama.z_mm[kept]
+    places = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
+    frames = (places >= z_mm[0] - panorama.grid.dz_mm / 2) & (places <= z_mm[-1] + panorama.grid.dz_mm / 2)
+    if z_mm.size < 2 or not frames.any():
+        raise EndoctError(f"{seen_mm:g} mm of the bore leave nothing of the {panorama.modality} panorama")
+    rows = panorama.grid.rows_mm
+    uneven = None if rows is None else tuple(z_mm.tolist())
+    grid = replace(panorama.grid, n_z=z_mm.size, z0_mm=float(z_mm[0]), rows_mm=uneven)
+    return replace(
+        panorama,
+        grid=grid,
+        intensity=panorama.intensity[kept],
+        depth_mm=None if panorama.depth_mm is None else panorama.depth_mm[kept],
+        valid=panorama.valid[kept],
+        weight=panorama.weight[kept],
+        per_frame={name: replace(one, values=one.values[frames]) for name, one in panorama.per_frame.items()},
+    )
+
+
+def sector(panorama: Panorama, pose: TruePose, middle_rad: float, share: float) -> Mask:
+    """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
+    apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
+    return np.asarray(apart <= np.pi * share)[np.newaxis]
 
 
 def observed(case: PoseCase) -> list[Observation]:

@@ -12,7 +12,8 @@ import json
 import os
 import platform
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -89,6 +90,15 @@ class Checkpoint:
     def save(self, place: int, rows: Sequence[MethodResult]) -> None:
         """Store the rows of one source."""
         _write(self.folder / f"{place:06d}.json", [asdict(row) for row in rows])
+
+    @contextmanager
+    def said_to_resume(self, plan: BenchPlan) -> Iterator[None]:
+        """Let an interruption say how many cases are kept."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            kept = f"{len(self.read())} of {len(plan.sources)} cases are kept in {self.folder}"
+            raise KeyboardInterrupt(f"{kept}; the same command goes on") from None
 
     def remove(self) -> None:
         """Remove the folder, once the output is complete."""

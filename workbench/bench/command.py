@@ -104,13 +104,8 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
         return facts, lines
     check_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data)
     checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
-    try:
+    with checkpoint.said_to_resume(plan):
         rows, facts, lines = _run(task, plan, workers, checkpoint, stages)
-    except KeyboardInterrupt:
-        n_finished, n_sources = len(checkpoint.read()), len(plan.sources)
-        raise KeyboardInterrupt(
-            f"{n_finished} of {n_sources} cases are kept in {checkpoint.folder}; the same command resumes the run"
-        ) from None
     with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
         scratch.mkdir()
         write_csv(rows, task, scratch / "results.csv")

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.json_values import number, read_object
-from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.ct.ct_volume import CtVolume, read_ct
 from endoct.modalities.ct.stored import SIGNS, SUFFIXES
 from endoct.modalities.ct.trajectory import Trajectory, as_point, read_line
@@ -55,33 +54,22 @@ def posed_case(
     seed: int,
     plan_aside_mm: float = PLAN_ASIDE_MM,
     plan_tilt_deg: float = PLAN_TILT_DEG,
-    seen_mm: float | None = None,
-    wall_share: float = 1.0,
 ) -> PoseCase:
     """Return a simulated specimen with a CT as a case, without conditions, by the name of its folder.
 
     ``sides`` are names of recordings, or their panoramas where these are at hand; of a name SIDE, ``SIDE.zarr`` is
     read, or the recording ``SIDE`` unrolled. ``seed`` draws how the plan lies off the bore: up to ``plan_aside_mm``
-    across it and along it, and up to ``plan_tilt_deg``. Only the ``seen_mm`` nearest the bore's end are left of a
-    panorama. Of the wall, ``wall_share`` is left: one sector of θ, the same for all sides. Raises
-    :class:`EndoctError` where the specimen has no CT or no truth, or nothing is left of a side.
+    across it and along it, and up to ``plan_tilt_deg``. Raises :class:`EndoctError` where the specimen has no CT or no
+    truth.
     """
     truth = load_truth(specimen)
     to_lps, length_mm = _true_axis(specimen, truth.recording)
     whole = [side if isinstance(side, Panorama) else load_side(specimen, side) for side in sides]
     poses = [true_pose(panorama, truth) for panorama in whole]
-    rng = np.random.default_rng(seed)
-    plan = plan_off(to_lps, length_mm, plan_aside_mm, plan_tilt_deg, rng)
-    middle_rad = float(rng.uniform(0, 2 * np.pi))
-    left = [nearest_the_end(panorama, pose, seen_mm) for panorama, pose in zip(whole, poses, strict=True)]
-    if wall_share < 1:
-        left = [
-            replace(one, valid=one.valid & _sector(one, pose, middle_rad, wall_share))
-            for one, pose in zip(left, poses, strict=True)
-        ]
+    plan = plan_off(to_lps, length_mm, plan_aside_mm, plan_tilt_deg, np.random.default_rng(seed))
     return Case(
         name=specimen.name,
-        given=(tuple(left), read_ct(ct_of(specimen)), plan),
+        given=(tuple(whole), read_ct(ct_of(specimen)), plan),
         truth=TrueBore(to_lps, length_mm, tuple(poses)),
         conditions={},
     )
@@ -98,31 +86,6 @@ def plan_off(
     begins = to_lps[:3, :3] @ entry + to_lps[:3, 3]
     ends = begins + length_mm * (to_lps[:3, :3] @ inward) / np.linalg.norm(inward)
     return Trajectory(as_point(begins), as_point(ends))
-
-
-def nearest_the_end(panorama: Panorama, pose: TruePose, seen_mm: float | None) -> Panorama:
-    """Return the rows and frames of ``panorama`` that lie within ``seen_mm`` of the one nearest the bore's end."""
-    if seen_mm is None:
-        return panorama
-    depth = pose.z_bore(panorama.z_mm)
-    kept = depth >= depth.max() - seen_mm
-    z_mm = panorama.z_mm[kept]
-    places = panorama.per_frame[f"{panorama.frame_dim}_z_mm"].values
-    frames = (places >= z_mm[0] - panorama.grid.dz_mm / 2) & (places <= z_mm[-1] + panorama.grid.dz_mm / 2)
-    if z_mm.size < 2 or not frames.any():
-        raise EndoctError(f"{seen_mm:g} mm of the bore leave nothing of the {panorama.modality} panorama")
-    rows = panorama.grid.rows_mm
-    uneven = None if rows is None else tuple(z_mm.tolist())
-    grid = replace(panorama.grid, n_z=z_mm.size, z0_mm=float(z_mm[0]), rows_mm=uneven)
-    return replace(
-        panorama,
-        grid=grid,
-        intensity=panorama.intensity[kept],
-        depth_mm=None if panorama.depth_mm is None else panorama.depth_mm[kept],
-        valid=panorama.valid[kept],
-        weight=panorama.weight[kept],
-        per_frame={name: replace(one, values=one.values[frames]) for name, one in panorama.per_frame.items()},
-    )
 
 
 def own_cases(folder: Path) -> list[PoseCase]:
@@ -199,9 +162,3 @@ def _seed_of(folder: Path) -> int:
     """Return the seed of a simulated specimen, which draws its plan too."""
     sample = read_object(folder / "truth" / "sample.json", MOST_SAMPLE_BYTES)
     return int(number(sample, "seed", 0, 2**53, "the sample"))
-
-
-def _sector(panorama: Panorama, pose: TruePose, middle_rad: float, share: float) -> Mask:
-    """Return which columns lie within a sector of the bore's wall, (1, n_theta)."""
-    apart = np.abs(wrap_rad(pose.theta_bore(panorama.grid.theta_rad) - middle_rad))
-    return np.asarray(apart <= np.pi * share)[np.newaxis]

@@ -60,19 +60,10 @@ def submit(
     check_entries(data, entries, stages)
     checkpoint = open_checkpoint(output, plan, overwrite=overwrite)
     start = time.perf_counter()
-    rows = checkpoint.read()
-
-    def keep(place: int, new: Sequence[MethodResult]) -> None:
-        checkpoint.save(place, new)
-        rows[place] = list(new)
-
-    try:
-        with stages.stage(f"bench {task_name}") as advance:
-            run(plan, workers=workers, advance=advance, finished=dict(rows), keep=keep)
-    except KeyboardInterrupt:
-        kept = f"{len(checkpoint.read())} of {len(entries)} specimens are kept in {checkpoint.folder}"
-        raise KeyboardInterrupt(f"{kept}; the same command goes on") from None
-    submission = _submission(specimens, task, entries, plan, rows, workers, time.perf_counter() - start)
+    with checkpoint.said_to_resume(plan), stages.stage(f"bench {task_name}") as advance:
+        run(plan, workers=workers, advance=advance, finished=checkpoint.read(), keep=checkpoint.save)
+    seconds = time.perf_counter() - start
+    submission = _submission(specimens, task, entries, plan, checkpoint.read(), workers, seconds)
     with new_output(output, SUBMISSION, overwrite=overwrite, inputs=[data], is_ours=is_submission) as scratch:
         scratch.write_bytes(text_of(submission).encode())
     checkpoint.remove()

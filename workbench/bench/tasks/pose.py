@@ -45,11 +45,8 @@ RANGES: Mapping[str, Range] = {
     "plan_tilt_deg": (PLAN_TILT_DEG, PLAN_TILT_DEG),
     CT_VOXEL_MM: (0.3, 0.3),
 }
-SEEN_MM, WALL_SHARE = "seen_mm", "wall_share"
 OPTIONAL: Mapping[str, Range] = {
     "preset": PRESET_WORDS,
-    SEEN_MM: (5.0, 30.0),
-    WALL_SHARE: (0.3, 1.0),
     **{name: range_ for name, range_ in DIFFICULTIES.items() if name not in RANGES},
 }
 
@@ -92,8 +89,6 @@ def cases(seed: int, index: int, ranges: Mapping[str, Range]) -> PoseCase:
             seed=seed if index == 0 else 1_000_000 * (1 + seed) + index,
             plan_aside_mm=given["plan_aside_mm"],
             plan_tilt_deg=given["plan_tilt_deg"],
-            seen_mm=given.get(SEEN_MM),
-            wall_share=given.get(WALL_SHARE, 1.0),
         )
         return replace(case, name=f"{drawn['preset']}-{seed}-{index}", conditions=drawn, scratch=scratch)
     except BaseException:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pose_case import LENGTH_MM, SEEN_MM, PoseCase
 
+from benchmarks.pose import nearest_the_end, sector
 from endoct.base.errors import EndoctError
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.modalities.ct.ct_volume import SIGNS
@@ -15,7 +16,7 @@ from endoct.modalities.ct.trajectory import Trajectory, write_line
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
 from endoct.stitching.store import save_panorama
-from endoct.workbench.bench.cases.bores import nearest_the_end, own_cases, plan_off, posed_case
+from endoct.workbench.bench.cases.bores import own_cases, plan_off, posed_case
 from endoct.workbench.pipeline.truth import TruePose
 
 TURN_RAD = 0.7
@@ -90,14 +91,13 @@ def test_a_specimen_becomes_a_case_whose_truth_is_its_bore(bore: PoseCase, speci
     assert case.given[2] == again.given[2] != other.given[2]
 
 
-def test_what_is_seen_is_what_lies_nearest_the_end(specimen: Path, panorama: Panorama) -> None:
-    case = posed_case(specimen, ["camera"], seed=3, seen_mm=4.05)
-    (left,) = case.given[0]
+def test_what_is_seen_is_what_lies_nearest_the_end(panorama: Panorama) -> None:
+    pose = TruePose(0.0, 1, panorama.z_mm, panorama.z_mm + SEEN_MM[0])
+    left = nearest_the_end(panorama, pose, 4.05)
     assert left.z_mm[-1] == panorama.z_mm[-1]
     assert left.z_mm[0] == pytest.approx(panorama.z_mm[-1] - 4.0)
     assert np.array_equal(left.intensity, panorama.intensity[-left.grid.n_z :])
     assert np.array_equal(left.per_frame["frame_index"].values, np.arange(panorama.grid.n_z)[-left.grid.n_z :])
-    assert case.truth.sides[0].z_bore(left.z_mm[-1:]) == pytest.approx([SEEN_MM[1]])
     # one that was recorded from the other end keeps its first rows
     reversed_pose = TruePose(0.0, 1, panorama.z_mm, SEEN_MM[1] - panorama.z_mm)
     assert nearest_the_end(panorama, reversed_pose, 4.0).z_mm[0] == panorama.z_mm[0]
@@ -105,12 +105,10 @@ def test_what_is_seen_is_what_lies_nearest_the_end(specimen: Path, panorama: Pan
         nearest_the_end(panorama, reversed_pose, 0.01)
 
 
-def test_a_share_of_the_wall_is_one_sector(specimen: Path) -> None:
-    case = posed_case(specimen, ["camera"], seed=3, wall_share=0.5)
-    seen = case.given[0][0].valid
-    assert seen.all(axis=0).sum() == pytest.approx(32, abs=1)
-    assert np.array_equal(seen.any(axis=0), seen.all(axis=0))
-    assert np.abs(np.diff(np.append(seen[0], seen[0, 0]).astype(int))).sum() == 2
+def test_a_share_of_the_wall_is_one_sector(panorama: Panorama) -> None:
+    (seen,) = sector(panorama, TruePose(0.3, 1, panorama.z_mm, panorama.z_mm), 6.0, 0.5)
+    assert seen.sum() == pytest.approx(32, abs=1)
+    assert np.abs(np.diff(np.append(seen, seen[0]).astype(int))).sum() == 2
 
 
 def test_a_specimen_of_ones_own_needs_no_plan(specimen: Path) -> None:

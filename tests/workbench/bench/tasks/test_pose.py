@@ -132,13 +132,13 @@ def test_conditions_reach_the_case(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("endoct.workbench.bench.tasks.pose.simulated", simulated)
     monkeypatch.setattr("endoct.workbench.bench.tasks.pose.posed_case", partial(_asked, asked))
-    TASK.cases(1003, 0, {"sides": ("oct",), "seen_mm": (12.0, 12.0), "oct.wall_db": (9.0, 9.0)})
+    TASK.cases(1003, 0, {"sides": ("oct",), "oct.wall_db": (9.0, 9.0)})
     (preset, seed, _, difficulties), named = asked["simulated"]  # type: ignore[misc]
     assert (preset, seed, named) == ("patient", 1003, {"ct": True})
     assert difficulties == {"ct.voxel_mm": 0.3, "oct.wall_db": 9.0}
     sides, of = asked["posed"]  # type: ignore[misc]
     assert sides == ("oct",)
-    assert (of["seed"], of["seen_mm"], of["wall_share"], of["plan_aside_mm"]) == (1003, 12.0, 1.0, 1.0)
+    assert (of["seed"], of["plan_aside_mm"]) == (1003, 1.0)
 
 
 def _asked(asked: dict[str, object], specimen: object, sides: object, **named: object) -> Case[object, object]:
