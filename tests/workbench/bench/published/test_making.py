@@ -8,11 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from distributed import Client
 from published_sets import tiny
 
 from endoct.base.errors import EndoctError
+from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.workbench.bench.published import making
 from endoct.workbench.bench.published.definition import Planned
 from endoct.workbench.bench.published.making import PLAIN_ARITHMETIC, make_set, make_specimen, simulated_specimen
@@ -34,7 +36,15 @@ def cluster_here(_: int) -> Iterator[Client]:
 def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny())
     monkeypatch.setattr(making, "shipped_entries", lambda _: {})
-    first = made(tmp_path / "set")
+
+    def truth_alone(folder: Path, specimen: Planned) -> None:
+        (folder / "truth").mkdir(parents=True)
+        wall = {name: Named(("z", "theta"), np.ones((4, 8), of)) for name, of in (("relief_mm", "f4"), ("cell", "?"))}
+        write_arrays(folder / "truth" / "wall.zarr", wall, {})
+        (folder / "truth" / "recording.json").write_text("{}")
+
+    writers = {"simulator": truth_alone}  # a real one compiles for plain arithmetic first
+    first = make_set(tmp_path / "set", "endoct-bench-2", writers=writers, stages=SilentStages())
     assert [entry.name for entry in first.specimens] == ["simulator-easy-000"]  # the second generator has no writer
     assert read_set(tmp_path / "set") == first
     monkeypatch.setattr("endoct.workbench.running.cluster.own_cluster", cluster_here)
