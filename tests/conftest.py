@@ -43,6 +43,7 @@ def kept_process() -> "Iterator[KeptProcess]":
     kept = KeptProcess()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("endoct.workbench.running.scheduler.worker_process", kept.lent)
+        patch.setattr("endoct.synthetic.specimen.worker_process", kept.lent)
         yield kept
     kept.end()
 
@@ -74,6 +75,25 @@ def quick_specimen(made_once: "MadeOnce") -> Path:
     from endoct.synthetic.specimen import simulate  # only who needs a specimen loads it
 
     return made_once("quick_specimen", lambda folder: simulate(folder, preset="quick", seed=1000))
+
+
+@pytest.fixture(scope="session")
+def small_specimen(made_once: "MadeOnce") -> Path:
+    """One of the preset `learning`, with labels, as a user makes it. Tests must not change it."""
+    from endoct.workbench import simulate
+
+    options = {"preset": "learning", "seed": 1001, "labels": True, "progress": False}
+    return made_once("small_specimen", lambda folder: simulate(folder, **options))
+
+
+@pytest.fixture(scope="session")
+def spectra_specimen(made_once: "MadeOnce") -> Path:
+    """One of the preset `learning` with raw spectra, a wall that is easily seen. Tests must not change it."""
+    from endoct.synthetic.specimen import simulate
+
+    ranges = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "oct.wall_db": (20.0, 20.0)}
+    options = {"preset": "learning", "seed": 22, "ranges": ranges, "spectra": True}
+    return made_once("spectra_specimen", lambda folder: simulate(folder, **options))
 
 
 @pytest.fixture

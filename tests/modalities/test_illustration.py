@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_once import MadeOnce
 from tolerances import LOCATED_ASCANS, LOCATED_DEPTH_PX, LOCATED_PX, TABLED_PX
 
 from benchmarks.located_places import oct_errors, pixel_errors, table_errors
@@ -14,43 +13,37 @@ from endoct.modalities.contract import Picture, Places, Seen
 from endoct.modalities.illustration import illustrated, places_of
 from endoct.modalities.oct.undistort import beam_angles_rad, depth_at_radius_mm, radius_mm, theta_at_radius
 from endoct.stitching.strip import Strip
-from endoct.synthetic.specimen import simulate
 from endoct.workbench.page.recorded import picture_json
 from endoct.workbench.report.pictures import load_pictures, save_pictures
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.sides.recordings import open_recording, unroll_recording
 
 
-@pytest.fixture(scope="module")
-def specimen(made_once: MadeOnce) -> Path:
-    return made_once("located", lambda folder: simulate(folder, preset="learning", seed=1001, labels=True))
-
-
 def unrolled(path: Path, **settings: object) -> Any:
     return unroll_recording(open_recording(path, settings=settings), SilentStages())
 
 
-def test_the_beam_and_the_sample_that_see_a_place(specimen: Path) -> None:
-    around, along = oct_errors(specimen)
+def test_the_beam_and_the_sample_that_see_a_place(small_specimen: Path) -> None:
+    around, along = oct_errors(small_specimen)
     assert around.size > 3000
     assert np.median(np.abs(around)) < LOCATED_ASCANS
     assert np.median(np.abs(along)) < LOCATED_DEPTH_PX
 
 
-def test_the_pixel_that_sees_a_place(specimen: Path) -> None:
-    missed_px = pixel_errors(specimen)
+def test_the_pixel_that_sees_a_place(small_specimen: Path) -> None:
+    missed_px = pixel_errors(small_specimen)
     assert missed_px.size > 20_000
     assert np.median(missed_px) < LOCATED_PX
 
 
 @pytest.mark.parametrize("name", ["oct", "endoscope"])
-def test_between_the_places_of_a_table(specimen: Path, name: str) -> None:
-    assert np.percentile(table_errors(specimen, name), 99) < TABLED_PX
+def test_between_the_places_of_a_table(small_specimen: Path, name: str) -> None:
+    assert np.percentile(table_errors(small_specimen, name), 99) < TABLED_PX
 
 
 @pytest.mark.parametrize("undistort", ["eccentric", "sine"])
-def test_it_undoes_how_a_bscan_is_unrolled(specimen: Path, undistort: str) -> None:
-    made = unrolled(specimen / "oct", undistort=undistort)
+def test_it_undoes_how_a_bscan_is_unrolled(small_specimen: Path, undistort: str) -> None:
+    made = unrolled(small_specimen / "oct", undistort=undistort)
     calibration, index = made.calibration, 5
     theta_rad = calibration.grid.theta_rad
     nominal, recorded = beam_angles_rad(calibration, index, theta_rad)
@@ -77,9 +70,9 @@ def test_it_undoes_how_a_bscan_is_unrolled(specimen: Path, undistort: str) -> No
     assert np.median(np.abs(found["bscan"][known, 1] - drawn_mm[known])) < 1e-3
 
 
-def test_places_that_a_frame_does_not_show_are_not_seen(specimen: Path) -> None:
+def test_places_that_a_frame_does_not_show_are_not_seen(small_specimen: Path) -> None:
     for name, far_mm in (("oct", 1.0), ("endoscope", 5.0)):
-        made = unrolled(specimen / name)
+        made = unrolled(small_specimen / name)
         _, places = places_of(made.recording.manifest.load().unroll(made.recording.stream[3], made.calibration))
         away = Places(places.theta_rad, places.z_mm + far_mm, places.depth_mm)
         for xy in made.recording.manifest.load().locate(3, away, made.calibration).values():

@@ -18,14 +18,13 @@ from workbench_page import Served, application, serving, written
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.result import CellScores, Overlap, PairScores
-from endoct.workbench import simulate
 from endoct.workbench.page.collection import collection_html, read_collection, thumbnail
 
 HOSTILE = '<img src=x onerror="document.title=1">&'
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory: pytest.TempPathFactory, small_specimen: Path) -> Path:
     """Two comparisons, one doubted and one not aligned, a recording, a damaged one, a specimen, and other things."""
     top = tmp_path_factory.mktemp("study") / "study 7"
     written(top / "first" / "bore-2", jaccard=0.5)
@@ -34,7 +33,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(top / "first" / "bore-2" / "panoramas" / "oct.zarr", top / "oct.zarr")
     shutil.copytree(top / "first" / "bore-2", top / "damaged")
     (top / "damaged" / "result.json").write_text("{")
-    simulate(top / "specimen", preset="learning", seed=3, progress=False)
+    shutil.copytree(small_specimen, top / "specimen")
     (top / "notes.txt").write_text("mine")
     (top / "empty").mkdir()
     return top
@@ -55,7 +54,7 @@ def test_what_lies_in_a_folder(folder: Path):
     ]  # fmt: skip
     assert (found["first/bore-10"].level, found["first/bore-10"].jaccard) == ("doubted", 0.9)
     assert (found[odd].level, found[odd].jaccard, found[odd].dice) == ("unaligned", None, None)
-    assert found["specimen"].what.startswith("preset learning, seed 3, bone ")
+    assert found["specimen"].what.startswith("preset learning, seed 1001, bone ")
     assert found["damaged"].fault
     assert "\n" not in found["damaged"].fault
     assert [name for name, entry in found.items() if not entry.can_be_opened] == ["damaged", "specimen"]
