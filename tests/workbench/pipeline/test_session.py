@@ -53,7 +53,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 def test_a_session_corrects_and_every_place_says_so(
     sides: tuple[Path, Path], session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest,
 ) -> None:  # fmt: skip
     output = tmp_path / "result"
     command = ("compare", *sides, "-o", output, "--session", session, "--set", "n_theta=512")
@@ -83,9 +83,11 @@ def test_a_session_corrects_and_every_place_says_so(
     assert len(state["pairs"]) == 3
     assert state["judged"]["by_hand"]["moved"]["turn_rad"] == pytest.approx(result.by_hand.moved.turn_rad)
     assert state["command"].endswith(f"--session {output}/session.json --set n_theta=512")
+    request.getfixturevalue("without_report")  # it was looked at
     assert run(monkeypatch, *command, "--overwrite", "--strict") == 3
 
 
+@pytest.mark.usefixtures("without_report")
 def test_what_was_placed_by_hand_is_kept(
     sides: tuple[Path, Path], session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
