@@ -131,6 +131,7 @@ def test_one_side_of_a_comparison_is_a_side(
     assert "no such side; found oct; expected camera" in command(f"{compared}:oct", *plan, "--overwrite")[1][0]
 
 
+@pytest.mark.usefixtures("without_report")
 def test_a_side_of_a_comparison_that_endoct_made_is_a_side(
     command: Command, answered: Callable[[str | None], None], files: Path, case: PoseCase, tmp_path: Path
 ) -> None:
