@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,9 +21,14 @@ from endoct.workbench import cli, unroll
 from endoct.workbench.commands import completion_script
 from endoct.workbench.running.refusals import in_one_line
 
-NAMES = "demo simulate unroll compare load summarise pose pose_outlook export verify calibrate run_bench train"
-PUBLIC = tuple(getattr(workbench, name) for name in NAMES.split())
-"""In the order in which their examples build on one another."""
+EXAMPLES = (
+    "demo unroll compare load summarise export verify calibrate",
+    "simulate",
+    "pose pose_outlook",
+    "run_bench train",
+)
+"""Names whose examples build on one another, in order."""
+PUBLIC = tuple(getattr(workbench, name) for names in EXAMPLES for name in names.split())
 
 
 def test_every_public_name_completes_and_loads() -> None:
@@ -51,19 +57,25 @@ def test_the_command_line_starts_without_what_only_work_needs() -> None:
     assert not {"numpy", "cv2", "scipy", "xarray", "zarr", "matplotlib", "torch", "IPython", "jinja2"} & set(loaded)
 
 
-def test_examples_in_docstrings_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def run_examples(*documented: Any, **names: Any) -> None:
     finder, said = doctest.DocTestFinder(recurse=False), list[str]()
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
-    for function in PUBLIC:
-        (example,) = finder.find(function, function.__name__, globs={})
-        assert example.examples, f"{function.__name__} has no example"
-        runner.run(example, out=said.append)
-    for inner in (SurfaceGrid, Panorama, Evidence, Format, Alignment):  # these see the names of their modules
-        (example,) = finder.find(inner, inner.__name__)
-        assert example.examples, f"{inner.__name__} has no example"
+    for each in documented:
+        (example,) = finder.find(each, each.__name__, **names)
+        assert example.examples, f"{each.__name__} has no example"
         runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)
+
+
+@pytest.mark.parametrize("names", EXAMPLES)
+def test_examples_in_docstrings_run(names: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_examples(*(getattr(workbench, name) for name in names.split()), globs={})
+
+
+def test_examples_of_types_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_examples(SurfaceGrid, Panorama, Evidence, Format, Alignment)  # these see the names of their modules
 
 
 def test_errors_speak_of_arguments_in_python_and_of_flags_on_the_command_line(tmp_path: Path) -> None:
