@@ -98,7 +98,7 @@ def test_a_program_without_an_end_is_ended_with_all_that_it_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     panorama, _ = toy_panorama(3, 0, "depth", CONDITIONS)
-    monkeypatch.setattr("endoct.workbench.bench.program.LONGEST_S", 1.0)
+    monkeypatch.setattr("endoct.workbench.bench.program.LONGEST_S", 4.0)
     child = tmp_path / "child"
     text = (
         "import subprocess, time\nchild = subprocess.Popen(['sleep', '600'])\n"
