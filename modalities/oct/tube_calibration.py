@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates
 from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.modalities.contract import FrameStream
@@ -80,13 +79,9 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
 
 def _locate(beams: Beams, target: Target) -> TubePose:
     deepest = target.ring_depth_mm + target.groove_depth_mm
-
-    def relief(z_mm: Coordinates, theta_rad: Coordinates) -> Coordinates:
-        return target.relief_mm(z_mm, theta_rad)
-
     image = beams.relief_map(target.radius_mm, COLUMNS)
     image = np.clip(image - np.nanmedian(image), -0.1, deepest + 0.1)
-    return clear_pose(image, beams.z_mm, target, relief, SCALES)
+    return clear_pose(image, beams.z_mm, target, target.relief_mm, SCALES)
 
 
 def _check_diameter(model: TubeModel, fit: TubeFit, capillary_mm: float) -> None:

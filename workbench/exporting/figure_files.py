@@ -43,16 +43,12 @@ def write_svg(source: Exportable, path: Path, request: ExportRequest, stages: St
     with ZipFile(path, "w", ZIP_DEFLATED) as archive:
 
         def keep(figure: Figure, name: str, inked: Bbox) -> None:
-            archive.writestr(_entry(f"{name}.svg"), svg_of(figure, inked), ZIP_DEFLATED)
+            archive.writestr(ZipInfo(f"{name}.svg", _FIRST_DAY), svg_of(figure, inked), ZIP_DEFLATED)
 
         figures = _drawn(source, stages, keep)
         captions = "\n".join(f"{figure.rendered.name}.svg: {figure.title}. {figure.caption}\n" for figure in figures)
-        archive.writestr(_entry("captions.txt"), captions, ZIP_DEFLATED)
+        archive.writestr(ZipInfo("captions.txt", _FIRST_DAY), captions, ZIP_DEFLATED)
     return {"figures": len(figures)}
-
-
-def _entry(name: str) -> ZipInfo:
-    return ZipInfo(name, _FIRST_DAY)
 
 
 def _drawn(source: Exportable, stages: Stages, keep: Keep) -> list[Drawn]:

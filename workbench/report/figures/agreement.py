@@ -58,8 +58,7 @@ def draw_budget(findings: Findings) -> Drawn | None:
         axes.set_ylim(-0.5, 0.5)
         axes.set_yticks([])
         axes.set_xlabel("share of the area that either side calls cell")
-        for edge in ("top", "right", "left"):
-            axes.spines[edge].set_visible(False)
+        axes.spines[["top", "right", "left"]].set_visible(False)
         axes.legend(
             handles=entries, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=5.2, ncols=2, frameon=False,
             handlelength=1.2,
@@ -146,8 +145,7 @@ def plot_by_kind(axes: Axes, strata: Strata, title: str) -> None:
     axes.set_yticks(ticks, names)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x", color="#e3e3e3", linewidth=0.4)
-    for edge in ("top", "right", "left"):
-        axes.spines[edge].set_visible(False)
+    axes.spines[["top", "right", "left"]].set_visible(False)
     axes.set_title(title, pad=4)
     axes.set_xlabel("Jaccard index")
 
@@ -165,8 +163,7 @@ def plot_differences(axes: Axes, pairs: Coordinates, limits: Limits, differs: st
     axes.set_title(titles[0], pad=4)
     axes.set_xlabel(titles[1])
     axes.set_ylabel(differs)
-    for edge in ("top", "right"):
-        axes.spines[edge].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _range(low: float | None, high: float | None) -> str:

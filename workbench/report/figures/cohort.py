@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
@@ -159,25 +158,20 @@ def _raters(cohort: Cohort) -> Drawn | None:
 
 
 def _dotted(rows: Mapping[str, Sequence[float]], name: str, title: str) -> Rendered:
+    names = [f"…{row[-LONGEST_NAME:]}" if len(row) > LONGEST_NAME else row for row in rows]
+    labels = [f"{row}   n = {len(values)}" for row, values in zip(names, rows.values(), strict=True)]
     with journal_style():
         high = max(0.5, ROW_IN * len(rows))
         figure = new_figure(PAGE_WIDTH_IN, high)
-        _dots(place(figure, 2.6, 0.0, 4.3, high), rows, title)
+        axes = place(figure, 2.6, 0.0, 4.3, high)
+        for row, values in enumerate(rows.values()):
+            axes.plot(values, [row] * len(values), "o", color=BLUE, markersize=3, alpha=0.7, clip_on=False)
+            axes.plot([float(np.mean(values))] * 2, [row - 0.3, row + 0.3], color=VERMILION, linewidth=1.2)
+        axes.set_yticks(range(len(rows)), labels)
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.set_xlim(0, 1)
+        axes.tick_params(axis="y", length=0)
+        axes.grid(axis="x", color="#e3e3e3", linewidth=0.4)
+        axes.spines[["top", "right", "left"]].set_visible(False)
+        axes.set_title(title, pad=4)
         return render(figure, name)
-
-
-def _dots(axes: Axes, rows: Mapping[str, Sequence[float]], title: str) -> None:
-    for row, values in enumerate(rows.values()):
-        axes.plot(values, [row] * len(values), "o", color=BLUE, markersize=3, alpha=0.7, clip_on=False)
-        axes.plot([float(np.mean(values))] * 2, [row - 0.3, row + 0.3], color=VERMILION, linewidth=1.2)
-    names = [f"…{name[-LONGEST_NAME:]}" if len(name) > LONGEST_NAME else name for name in rows]
-    axes.set_yticks(
-        range(len(rows)), [f"{name}   n = {len(of)}" for name, of in zip(names, rows.values(), strict=True)]
-    )
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xlim(0, 1)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(axis="x", color="#e3e3e3", linewidth=0.4)
-    for edge in ("top", "right", "left"):
-        axes.spines[edge].set_visible(False)
-    axes.set_title(title, pad=4)
