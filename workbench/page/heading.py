@@ -13,6 +13,7 @@ from markupsafe import Markup
 from endoct.base.doubt import Doubt
 from endoct.fusion.files.store import ComparisonOutline
 from endoct.fusion.result import Result
+from endoct.fusion.scoring.cells import Cell
 from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.recorded import path_of_recording
 from endoct.workbench.report.findings import overlaps_of
@@ -60,7 +61,7 @@ class Heading:
     """What is said first: ``title`` and ``facts``, what it is; the ``verdict``, the ``doubts`` against it; ``scores``.
 
     ``notes``: how many there are. ``endoct``: the version that made it, "" where it is not known. ``steps``: what can
-    be done about it, each with its command line.
+    be done about it, each with its command line. ``uncounted``: which cells are in no number of cells, and why.
     """
 
     title: str
@@ -71,6 +72,7 @@ class Heading:
     notes: int
     endoct: str
     steps: tuple[tuple[NextStep, str], ...] = ()
+    uncounted: str = ""
 
 
 def comparison_heading(
@@ -90,7 +92,23 @@ def comparison_heading(
         notes=sum(map(len, result.notes.values())),
         endoct=result.versions.get("endoct", ""),
         steps=tuple((step, step.command(result, f"{name}-again")) for step in next_steps(result, stated or {})),
+        uncounted=uncounted_text(outline.cells, result.sides) if result.aligned else "",
     )
+
+
+def uncounted_text(cells: Sequence[Cell], names: tuple[str, str]) -> str:
+    """Return which ``cells`` of two aligned sides are not counted, and why; "" where all are."""
+    missed = [cell for cell in cells if not cell.counts]
+    if not missed:
+        return ""
+    said = [f"{len(missed)} of {len(cells)} cells {'are' if len(missed) > 1 else 'is'} not counted."]
+    for side, other in (names, names[::-1]):
+        unseen = sum(cell.side == side and cell.observed_by_other == 0 for cell in missed)
+        partly = sum(cell.side == side for cell in missed) - unseen
+        parts = [f"{unseen} where {other} observed nothing"] if unseen else []
+        parts += [f"{partly} of which {other} observed less than half"] if partly else []
+        said += [f"Of {side}: {', '.join(parts)}."] if parts else []
+    return " ".join(said)
 
 
 def panorama_heading(name: str, facts: Sequence[Fact], outline: PanoramaOutline) -> Heading:

@@ -229,10 +229,11 @@ def _seen(cell: Cell, other: str, *, aligned: bool) -> tuple[CellState, str]:
     if not aligned:
         return "not aligned", "not aligned: nobody knows where it lies on the other side"
     partner = f"{other} {cell.partner}"
+    if not cell.counts:
+        shown = f", where it is {partner}" if cell.is_matched else ""
+        return "not observed", f"not counted: {other} observed {cell.observed_by_other:.0%} of it{shown}"
     if cell.is_matched and cell.partner:
         return "matched", f"is {partner}: overlap {cell.overlap:.2f}"
-    if not cell.counts:
-        return "not observed", f"not covered: {other} observed {cell.observed_by_other:.0%} of it"
     if cell.partner:
         return "overlapping", f"overlaps {partner} by {cell.overlap:.2f}, less than half"
     return "alone", f"only {cell.side}: {other} observed {cell.observed_by_other:.0%} of it and has wall there"

@@ -10,7 +10,7 @@ from endoct.base.doubt import Doubt
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import MaskScores, Overlap, PairScores, Result, StoredAlignment
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.page.heading import comparison_heading, panorama_heading
+from endoct.workbench.page.heading import comparison_heading, panorama_heading, uncounted_text
 
 GRID = SurfaceGrid.full_circle(50, 100, z0_mm=0.0, dz_mm=0.02, radius_mm=1.25)
 
@@ -31,7 +31,9 @@ def compared(**changed: Any) -> Result:
 
 
 def test_a_comparison_is_headed_by_its_sides_and_scores() -> None:
-    outline: Any = SimpleNamespace(result=compared(overlap_mm=7.26), alignment=Alignment(1.5, -0.4), grid=GRID)
+    outline: Any = SimpleNamespace(
+        result=compared(overlap_mm=7.26), alignment=Alignment(1.5, -0.4), grid=GRID, cells=()
+    )
     heading = comparison_heading("bore-1", (("made", "today"),), outline)
     assert heading.title == "bore-1: endoscope and oct"
     assert heading.facts == (("made", "today"), ("frame", "θ and z of endoscope"))
@@ -55,6 +57,19 @@ def test_sides_that_are_not_aligned_have_no_index_and_each_a_frame_of_its_own() 
     assert heading.facts == (("frame", "each side its own"),)
     assert [score for score in heading.scores if "Dice" in score.title or "Observed" in score.title] == []
     assert heading.verdict.level == "unaligned"
+
+
+def test_cells_that_are_not_counted_are_said_by_reason() -> None:
+    def cell(side: str, observed: float) -> Any:
+        return SimpleNamespace(side=side, observed_by_other=observed, counts=observed >= 0.5)
+
+    names = ("endoscope", "oct")
+    cells = [cell("endoscope", 0.0), cell("endoscope", 0.0), cell("endoscope", 0.49), cell("endoscope", 0.5)]
+    assert uncounted_text(cells[3:], names) == ""
+    assert uncounted_text([*cells, cell("oct", 0.1)], names) == (
+        "4 of 5 cells are not counted. Of endoscope: 2 where oct observed nothing, 1 of which oct observed less than "
+        "half. Of oct: 1 of which endoscope observed less than half."
+    )
 
 
 @pytest.mark.parametrize(("name", "title"), [("oct", "oct"), ("bore-1", "bore-1: oct")])

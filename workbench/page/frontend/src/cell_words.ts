@@ -8,7 +8,7 @@ export const number = (value: number | null, digits: number): string =>
 /** What the other side has where a cell lies, and whether the truth has a cell there. */
 export function brief(cell: CellPart): string {
   const partner = cell.partner === null ? "" : ` ${cell.partner} (${cell.overlap.toFixed(2)})`;
-  const words = { matched: `=${partner}`, overlapping: `~${partner}`, alone: `only ${cell.side}`, "not observed": "not covered", "not aligned": "–" };
+  const words = { matched: `=${partner}`, overlapping: `~${partner}`, alone: `only ${cell.side}`, "not observed": "not counted", "not aligned": "–" };
   return words[cell.state] + (cell.is_real === null ? "" : cell.is_real ? " ✓" : " ✗");
 }
 
@@ -16,7 +16,7 @@ export function brief(cell: CellPart): string {
 export const LEGEND: readonly (readonly [text: string, of: (cell: CellPart) => boolean])[] = [
   ["= same cell there (overlap)", (cell) => cell.state === "matched"],
   ["~ overlaps by less than half", (cell) => cell.state === "overlapping"],
-  ["not covered: not observed there", (cell) => cell.state === "not observed"],
+  ["not counted: less than half observed there", (cell) => cell.state === "not observed"],
   ["✓ ✗ the truth has a cell, has none", (cell) => cell.is_real !== null],
 ];
 

@@ -12,7 +12,7 @@ type Column = readonly [title: string, hint: string, key: (cell: CellPart) => nu
 
 /** States as a filter names them. */
 const FILTERS: Readonly<Record<CellState, string>> = {
-  matched: "on both sides", overlapping: "overlapping by less than half", alone: "on one side only", "not observed": "not covered by the other side", "not aligned": "not aligned",
+  matched: "on both sides", overlapping: "overlapping by less than half", alone: "on one side only", "not observed": "not counted", "not aligned": "not aligned",
 };
 
 const COLUMNS: readonly Column[] = [
@@ -57,6 +57,7 @@ export class CellTable {
   private readonly body = element("tbody");
   private readonly colours: Map<string, string>;
   private readonly count = element("small");
+  private readonly filters: HTMLSelectElement;
   private readonly about = element("p", { class: "about", "aria-live": "polite" });
 
   constructor(
@@ -66,10 +67,7 @@ export class CellTable {
     this.colours = new Map(state.description.outlines.filter((outline) => !outline.is_drawn).map((outline) => [outline.side, outline.colour]));
     const states = [...new Set(state.description.cells.map((cell) => cell.state))];
     const options = [["all", "all"], ...state.description.sides.map((side) => [`of ${side}`, `of ${side}`] as const), ...states.map((one) => [one, FILTERS[one]] as const)] as const;
-    const filters = select("which cells are listed", options, "all", (value) => {
-      this.filter = value;
-      this.draw();
-    });
+    this.filters = select("which cells are listed", options, "all", (value) => this.list(value));
     const heads = COLUMNS.map(([title, hint], k) => {
       const sort = element("button", { type: "button", title: `sort by: ${hint}` }, title);
       sort.addEventListener("click", () => {
@@ -81,13 +79,21 @@ export class CellTable {
     });
     this.body.addEventListener("keydown", (event) => this.step(event));
     this.element.append(
-      element("h2", {}, "Cells ", explain("cell"), this.count, filters, button("CSV", "save the cells that are listed, as cells.csv has them", null, () => this.save())),
+      element("h2", {}, "Cells ", explain("cell"), this.count, this.filters, button("CSV", "save the cells that are listed, as cells.csv has them", null, () => this.save())),
       element("div", { class: "scroll" }, element("table", {}, element("thead", {}, element("tr", {}, ...heads)), this.body)),
       element("p", { class: "legend" }, ...LEGEND.filter(([, of]) => state.description.cells.some(of)).map(([text]) => element("span", {}, text))),
       this.about,
     );
     state.on("selection", () => this.mark());
     this.draw();
+  }
+
+  /** List the cells that a filter has; those of one state are ringed on the panes. */
+  list(filter: string): void {
+    this.filters.value = this.filter = filter;
+    this.draw();
+    this.state.ringed = new Set(filter in FILTERS ? this.rows() : []);
+    this.state.tell("marks");
   }
 
   private rows(): CellPart[] {

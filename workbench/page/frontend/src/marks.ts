@@ -124,8 +124,9 @@ function drawNumbers(sheet: Sheet, state: State, shownLayers: readonly string[])
   const free = new FreeRoom({ x: bar.x + bar.wide / 2, y: bar.y - 8, wide: bar.wide, high: 20 });
   // the selected cell first, then the largest: where two numbers would overlap, theirs is the one that is drawn
   const order = (cell: CellPart): number => (cell === state.selected ? Infinity : cell.diameter_mm);
+  const isShown = (cell: CellPart): boolean => shownLayers.some((layer) => state.isCommon(cell.side, state.layer(layer).side));
   for (const cell of [...state.description.cells].sort((a, b) => order(b) - order(a))) {
-    const chosen = cell === state.selected;
+    const chosen = cell === state.selected || (state.ringed.has(cell) && isShown(cell));
     const big = cell.diameter_mm / view.mm_per_px > 15;
     if (!chosen && !(state.numbers && big && isNumbered(cell, state, shownLayers))) continue;
     const radius = Math.max(cell.diameter_mm / view.mm_per_px / 2 + 7, 10);

@@ -6,11 +6,14 @@ export interface Tools {
   /** Mark a place along the bore, and bring it into view. */
   show(z_mm: number): void;
   landmarks(): void;
+  /** List the cells that are not counted, and ring them on the panes. */
+  uncounted(): void;
   /** Draw the cells of a side; null where nothing can be saved. */
   draw: ((side: string) => void) | null;
 }
 
 export function followSteps(top: HTMLElement, tools: Tools): void {
+  top.querySelector(".uncounted button")?.addEventListener("click", () => tools.uncounted());
   for (const step of top.querySelectorAll<HTMLElement>(".next li")) {
     const { does, side = "", zMm } = step.dataset;
     const act = step.querySelector<HTMLButtonElement>("button.act");

@@ -42,6 +42,7 @@ export class State {
   cursor: Spot | null = null;
   pinned: Spot | null = null;
   selected: CellPart | null = null;
+  ringed: ReadonlySet<CellPart> = new Set();
   measuring = false;
   ruler: Ruler | null = null;
   readonly landmarks = new Landmarks();

@@ -45,6 +45,7 @@ export class Workspace {
   private readonly painter: Painter;
   private readonly aim: Aim;
   private readonly shared: SharedView;
+  private readonly cells: CellTable;
   private readonly grid = element("div", { class: "panes" });
   private panes: Pane[] = [];
   private cylinder: CylinderView | null = null;
@@ -67,6 +68,7 @@ export class Workspace {
     this.notes = new NotePanel(this.state, this.landmarks, (spot) => this.lookAt(spot));
     this.placer = new Placer(this.state);
     this.painter = new Painter(this.state);
+    this.cells = new CellTable(this.state, (cell) => this.select(cell));
     this.shared = new SharedView(this.state, () => this.panes[0]?.view());
     this.aim = new Aim(() => this.panes, (pane, view) => (this.state.linked ? this.link.show(view) : pane.setView(view)));
     const draw = source.canSave && description.sides.length > 1 ? (): void => this.painter.toggle() : null;
@@ -74,7 +76,7 @@ export class Workspace {
     const side = element("aside", {}, new Readout(this.state, source, this.wall, () => this.paths).element);
     side.append(this.landmarks.element, this.notes.element);
     if (source.canSave && description.sides.length > 1) side.append(new MaskPanel(this.state, source).element);
-    if (description.cells.length) side.append(new CellTable(this.state, (cell) => this.select(cell)).element);
+    if (description.cells.length) side.append(this.cells.element);
     this.element.append(element("div", { class: "stage" }, toolbar(this.state, this.placer, actions), this.grid, this.drawer.element), side);
     this.state.on("panes", () => this.refresh());
     this.state.on("colours", () => this.recolour());
@@ -93,6 +95,10 @@ export class Workspace {
     return {
       show: (z_mm) => seen(() => this.go(z_mm)),
       landmarks: () => seen(() => this.state.landmarks.active || this.placer.toggle()),
+      uncounted: () => seen(() => {
+        this.home();
+        this.cells.list("not observed");
+      }),
       draw: this.source.canSave ? (side): void => seen(() => this.painter.beginOn(side)) : null,
     };
   }
