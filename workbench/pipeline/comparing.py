@@ -15,6 +15,7 @@ from endoct.base.doubt import Doubt
 from endoct.base.files.files import check_unchanged, digests, path_text, state_of
 from endoct.fusion.comparison import place_sides, score_placed
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.files.session import NAME as SESSION_NAME
 from endoct.fusion.files.session import check_sides, identity_of, read_session
 from endoct.fusion.files.store import COMPARISON_STORE, WALL_STORE, save_comparison, write_cells
 from endoct.fusion.parameters import CompareParameters
@@ -118,6 +119,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
+            if output is not None and landmarks is not None and landmarks.notes:
+                (output / SESSION_NAME).write_bytes(landmarks.to_bytes())  # the page goes on with its notes
             if joined is not None and wall is not None:
                 folder.write_wall(wall, joined.cells)
     notes = {

@@ -10,7 +10,7 @@ from bore_pairs import make_pair
 
 from endoct.base.errors import EndoctError
 from endoct.fusion.files.result_file import read_result
-from endoct.fusion.files.session import Session, identity_of
+from endoct.fusion.files.session import Note, Session, identity_of
 from endoct.fusion.geometry.alignment import LandmarkPair, Place
 from endoct.stitching.store import save_panorama
 from endoct.workbench import cli, compare
@@ -40,7 +40,7 @@ def session(tmp_path: Path) -> Path:
     path = tmp_path / "session.json"
     pairs = [placed(1.0, 1.0, "correct"), placed(3.0, 4.0, "correct"), placed(5.0, 2.0, "check")]
     identities = identity_of("camera", PAIR.a), identity_of("ranger", PAIR.b)
-    path.write_bytes(Session(identities, tuple(pairs)).to_bytes())
+    path.write_bytes(Session(identities, tuple(pairs), (Note("b", Place(1.0, 1.0), "wet here"),)).to_bytes())
     return path
 
 
@@ -83,8 +83,13 @@ def test_a_session_corrects_and_every_place_says_so(
     assert len(state["pairs"]) == 3
     assert state["judged"]["by_hand"]["moved"]["turn_rad"] == pytest.approx(result.by_hand.moved.turn_rad)
     assert state["command"].endswith(f"--session {output}/session.json --set n_theta=512")
+    # and its notes, which are then the user's: what was changed of them is not replaced
+    assert [note["text"] for note in state["notes"]] == ["wet here"]
+    assert all(verdict.intact for verdict in verify(output))
     request.getfixturevalue("without_report")  # it was looked at
     assert run(monkeypatch, *command, "--overwrite", "--strict") == 3
+    (output / "session.json").write_bytes(session.read_bytes().replace(b"wet", b"dry"))
+    assert run(monkeypatch, *command, "--overwrite") == 1
 
 
 @pytest.mark.usefixtures("without_report")
