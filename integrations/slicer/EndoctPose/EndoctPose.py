@@ -3,6 +3,8 @@
 It saves both, calls the command line in a process of its own, and loads the results; all else is endoct's.
 """
 
+import shutil
+from itertools import count
 from pathlib import Path
 
 import ctk
@@ -48,18 +50,18 @@ class EndoctPoseWidget(ScriptedLoadableModuleWidget):
     def setup(self):
         """Build the form."""
         ScriptedLoadableModuleWidget.setup(self)
-        self.logic, self.process = EndoctPoseLogic(), None
+        self.logic, self.process, self.saved = EndoctPoseLogic(), None, None
         form = qt.QFormLayout()
         self.ct = self._nodes("vtkMRMLScalarVolumeNode")
         self.plan = self._nodes("vtkMRMLMarkupsLineNode")
-        either = ctk.ctkPathLineEdit.Dirs | ctk.ctkPathLineEdit.Files
-        self.sides = [self._path(either), self._path(either)]
-        self.output = self._path(ctk.ctkPathLineEdit.Dirs)
+        folders = ctk.ctkPathLineEdit.Dirs  # with files among them, its button would offer no folder
+        self.sides = [self._path(folders), self._path(folders)]
+        self.output = self._path(folders)
         self.program = self._path(ctk.ctkPathLineEdit.Files | ctk.ctkPathLineEdit.Executable)
         self.program.currentPath = slicer.app.userSettings().value(PROGRAM, "endoct")
         self.sides[0].toolTip = "A recording, a panorama, or one side of a comparison as FOLDER:SIDE."
         self.plan.setToolTip("The planned bore, from its entry to its target.")
-        self.output.toolTip = "A folder that does not exist yet."
+        self.output.toolTip = "A new folder, or one in which a new one is made."
         for label, widget in (
             ("CT from before drilling:", self.ct), ("Plan:", self.plan), ("Side:", self.sides[0]),
             ("Other side, if any:", self.sides[1]), ("Results into:", self.output), ("Program endoct:", self.program),
@@ -90,14 +92,15 @@ class EndoctPoseWidget(ScriptedLoadableModuleWidget):
 
     def onRun(self):
         """Save CT and plan, and start endoct on them; Slicer stays alive."""
-        self.output_folder = self.output.currentPath
         slicer.app.userSettings().setValue(PROGRAM, self.program.currentPath)
         try:
-            ct, plan = self.logic.save(self.ct.currentNode(), self.plan.currentNode(), slicer.util.tempDirectory())
+            self.output_folder = self.logic.place(self.output.currentPath)
+            self.saved = slicer.util.tempDirectory()
+            ct, plan = self.logic.save(self.ct.currentNode(), self.plan.currentNode(), self.saved)
             sides = [side.currentPath for side in self.sides if side.currentPath]
             program, *arguments = self.logic.command(self.program.currentPath, sides, ct, plan, self.output_folder)
         except ValueError as error:
-            self.status.text = str(error)
+            self._set_busy(False, str(error))
             return
         self.process = qt.QProcess()
         environment = qt.QProcessEnvironment()  # that of Slicer names its own Python
@@ -137,9 +140,12 @@ class EndoctPoseWidget(ScriptedLoadableModuleWidget):
         if self.process is not None:
             self.process.finished.disconnect(self.onFinished)
             self.process.terminate()
+            self._set_busy(False, "")
 
     def _set_busy(self, busy, said):
         self.runButton.enabled, self.cancelButton.enabled, self.status.text = not busy, busy, said
+        if not busy and self.saved:  # nobody needs a second copy of a patient's CT
+            shutil.rmtree(self.saved, ignore_errors=True)
 
     @staticmethod
     def _text(data):
@@ -150,25 +156,33 @@ class EndoctPoseLogic(ScriptedLoadableModuleLogic):
     """What can be done without the form. Raises ``ValueError`` with a line for the user."""
 
     def save(self, ct, plan, folder):
-        """Write the two nodes into ``folder`` and return where, as endoct reads them."""
+        """Write the two nodes, as they lie in the world, into ``folder`` and return where.
+
+        They are exported: saved, they would be taken for saved by Slicer, and be gone with the folder.
+        """
         paths = []
         for node, name, kind in ((ct, "ct.nrrd", "CT"), (plan, "plan.mrk.json", "plan")):
             if node is None:
                 raise ValueError(f"choose a {kind}")
-            if node.GetParentTransformNode() is not None:
-                raise ValueError(f"the {kind} is moved by a transform, which its file would lose: harden that first")
             path = str(Path(folder) / name)
-            if not slicer.util.saveNode(node, path):
+            # left to its default, `properties` keeps the format of the file before
+            if not slicer.util.exportNode(node, path, {}, world=True):
                 raise ValueError(f"the {kind} cannot be saved as {path}")
             paths.append(path)
         return tuple(paths)
+
+    def place(self, output):
+        """Return a folder that does not exist yet: ``output``, or else a new one in it."""
+        if not output:
+            raise ValueError("choose a folder for the results")
+        if not Path(output).exists():
+            return output
+        return next(str(path) for path in (Path(output) / f"pose-{k}" for k in count(1)) if not path.exists())
 
     def command(self, program, sides, ct, plan, output):
         """Return the command line."""
         if not sides:
             raise ValueError("choose a recording, a panorama, or one side of a comparison as FOLDER:SIDE")
-        if not output:
-            raise ValueError("choose a folder for the results")
         return [program or "endoct", "pose", *sides, "--ct", ct, "--plan", plan, "-o", output]
 
     def load(self, folder):
@@ -192,6 +206,7 @@ class EndoctPoseTest(ScriptedLoadableModuleTest):
         """A form that lacks something says so, and one that does not is a command line."""
         logic = EndoctPoseLogic()
         self.assertRaises(ValueError, logic.command, "endoct", [], "ct.nrrd", "plan.mrk.json", "pose")
-        self.assertRaises(ValueError, logic.save, None, None, slicer.util.tempDirectory())
+        self.assertRaises(ValueError, logic.place, "")
+        self.assertRaises(ValueError, logic.save, None, None, "")
         line = logic.command("", ["oct"], "ct.nrrd", "plan.mrk.json", "pose")
         self.assertEqual(line[:3], ["endoct", "pose", "oct"])

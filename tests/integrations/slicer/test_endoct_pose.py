@@ -68,14 +68,6 @@ class Path_:
     currentPath = ""
 
 
-class Node:
-    def __init__(self, transform: object = None) -> None:
-        self.transform = transform
-
-    def GetParentTransformNode(self) -> object:
-        return self.transform
-
-
 class Base:
     """Of all that a module inherits from."""
 
@@ -88,7 +80,7 @@ class Base:
 
 @pytest.fixture
 def slicer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    """Slicer as far as the module asks for it; ``loaded`` is what it was asked to load."""
+    """Slicer as far as the module asks for it; ``loaded`` is what it loads, ``left`` its folder of copies."""
     application = MagicMock()
     application.qMRMLNodeComboBox = MagicMock
     application.kept = {}
@@ -96,8 +88,18 @@ def slicer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     application.app.userSettings().setValue = application.kept.__setitem__
     application.loaded = []
     util = application.util
-    util.tempDirectory = lambda: str(tmp_path)
-    util.saveNode = lambda node, path: bool(Path(path).write_text("saved"))
+    application.left = tmp_path / "temporary"
+
+    def temporary() -> str:
+        application.left.mkdir()
+        return str(application.left)
+
+    def export(node: Any, path: str, properties: dict[str, str], *, world: bool) -> bool:
+        assert not properties, "Slicer would take the format of the file before"
+        properties["fileFormat"] = Path(path).suffix
+        return bool(Path(path).write_text(f"{node} in the world" if world else f"{node}"))
+
+    util.tempDirectory, util.exportNode = temporary, export
     util.startupEnvironment = lambda: {"PATH": "/usr/bin"}
     for load in ("loadModel", "loadMarkups", "loadTransform"):
         setattr(util, load, lambda path, load=load: application.loaded.append((load, Path(path).name)))
@@ -130,7 +132,7 @@ def widget(module: Any, slicer: Any) -> Any:
     """The form, filled in for a comparison's side and a recording."""
     form = module.EndoctPoseWidget()
     form.setup()
-    form.ct.currentNode = form.plan.currentNode = Node
+    form.ct.currentNode, form.plan.currentNode = lambda: "CT", lambda: "plan"
     form.sides[0].currentPath, form.sides[1].currentPath = "/data/my bores/7:oct", "/data/endoscope"
     form.output.currentPath = "/data/pose"
     return form
@@ -184,8 +186,8 @@ def test_the_command_line_is_one_of_endoct(
     assert run(process.command[1:]) == 0
     (request,) = asked
     assert [str(side) for side in request.sides] == ["/data/my bores/7:oct", "/data/endoscope"]
-    assert (request.ct, request.plan) == (tmp_path / "ct.nrrd", tmp_path / "plan.mrk.json")
-    assert (tmp_path / "ct.nrrd").read_text() == (tmp_path / "plan.mrk.json").read_text() == "saved"
+    assert (request.ct, request.plan) == (slicer.left / "ct.nrrd", slicer.left / "plan.mrk.json")
+    assert (request.ct.read_text(), request.plan.read_text()) == ("CT in the world", "plan in the world")
     assert str(request.output) == "/data/pose"
     assert process.environment == {"PATH": "/usr/bin"}
     assert (widget.runButton.enabled, widget.cancelButton.enabled) == (False, True)
@@ -199,6 +201,7 @@ def test_what_endoct_wrote_is_loaded(module: Any, widget: Any, slicer: Any) -> N
     widget.logic.load = loads.append
     widget.process.finished(0, object())
     assert loads == ["/data/pose"]
+    assert not slicer.left.exists()
     assert widget.status.text == "offset from the plan (mm): 0.36°\nreport: x"
     assert (widget.runButton.enabled, widget.cancelButton.enabled) == (True, False)
     module.EndoctPoseLogic().load("/data/pose")
@@ -241,6 +244,16 @@ def test_a_run_is_cancelled_and_left_behind_by_nobody(widget: Any, slicer: Any) 
     widget.cleanup()
     assert widget.process.calls[-1] == "terminate"
     assert not widget.process.finished.slots
+    assert not slicer.left.exists()
+
+
+def test_results_go_into_a_folder_that_is_new(module: Any, widget: Any, tmp_path: Path) -> None:
+    """The button of a path offers a folder that exists, and that only where no file may be chosen."""
+    assert [path.filters for path in (*widget.sides, widget.output)] == [Path_.Dirs] * 3
+    place = module.EndoctPoseLogic().place
+    assert place(str(tmp_path / "new")) == str(tmp_path / "new")
+    (tmp_path / "pose-1").mkdir()
+    assert place(str(tmp_path)) == str(tmp_path / "pose-2")
 
 
 def test_the_program_is_chosen_once(module: Any, widget: Any) -> None:
@@ -266,7 +279,6 @@ def test_a_program_that_is_not_there_is_named(widget: Any) -> None:
     [
         ("ct", "choose a CT"),
         ("plan", "choose a plan"),
-        ("moved", "the plan is moved by a transform"),
         ("side", "choose a recording"),
         ("output", "choose a folder"),
         ("disk", "the CT cannot be saved"),
@@ -275,14 +287,13 @@ def test_a_program_that_is_not_there_is_named(widget: Any) -> None:
 def test_what_is_lacking_is_said_and_nothing_starts(widget: Any, slicer: Any, lacking: str, said: str) -> None:
     if lacking in ("ct", "plan"):
         getattr(widget, lacking).currentNode = lambda: None
-    elif lacking == "moved":
-        widget.plan.currentNode = lambda: Node(transform=object())
     elif lacking == "side":
         widget.sides[0].currentPath = widget.sides[1].currentPath = ""
     elif lacking == "output":
         widget.output.currentPath = ""
     else:
-        slicer.util.saveNode = lambda node, path: False
+        slicer.util.exportNode = lambda node, path, properties, world: False
     widget.onRun()
     assert widget.status.text.startswith(said)
     assert widget.process is None
+    assert not slicer.left.exists()
