@@ -32,6 +32,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_file_of_the_sources_is_in_the_wheel(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if name.startswith("endoct/")}
+        (entry,) = (name for name in archive.namelist() if name.endswith("/data/share/applications/endoct.desktop"))
+        assert b"\nExec=endoct-workbench\n" in archive.read(entry)
     sources = {
         f"endoct/{path.relative_to(ROOT).as_posix()}"
         for folder in FOLDERS

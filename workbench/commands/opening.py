@@ -33,7 +33,7 @@ def open_folder(
     port: Annotated[int | None, UNSET] = None,
     no_browser: bool = False,
 ) -> int:
-    """Open a folder of recordings on a page in the browser: see, describe, unroll, compare. Ctrl+C ends the page.
+    """Open a folder of recordings on a page in the browser: see, describe, unroll, compare. Ctrl+C or its Quit ends it.
 
     Runs that are under way go on without it, and those that wait go on with the next `endoct open`.
 
@@ -49,14 +49,21 @@ def open_folder(
     from endoct.workbench.desk.state import State
     from endoct.workbench.page.serving import run_server
 
-    desk = Desk(State(), ON_THE_PAGE)
+    state = State()
+    if folder is None and port is None and (running := state.running()):  # a second double click
+        print_line(f"{running} is open already")
+        if not no_browser:
+            webbrowser.open(state.address_file(running).as_uri())
+        return DONE
+    desk = Desk(state, ON_THE_PAGE)
     path = f"{desk.root}/" if folder is None else desk.open(folder).address
 
     def announce(server: str) -> None:
         address = server.rstrip("/") + path
+        opened = state.address_file(address)
         print_line(f"{address} shows {folder or 'where to begin'}; Ctrl+C ends it")
         if not no_browser:
-            webbrowser.open(desk.state.address_file(address).as_uri())
+            webbrowser.open(opened.as_uri())
 
     run_server(partial(desk_app, desk), host, port, announce)
     runs = [run.state for run in desk.state.queue.runs()]

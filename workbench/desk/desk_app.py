@@ -6,6 +6,7 @@ appears whole at its place, or not at all.
 """
 
 import os
+import signal
 from collections.abc import AsyncIterable, AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
@@ -116,6 +117,7 @@ class _Answers:
         desk, queue = self._desk, self._queue
         return {
             "/open": lambda _, posted: {"address": desk.open(whole_path(posted.get("folder"))).address},
+            "/quit": lambda *_: _done(end),
             "/queue/clear": lambda *_: _done(queue.clear),
             "/queue/{name}/cancel": lambda request, _: _done(queue.cancel, request.path_params["name"]),
             "/queue/{name}/repeat": lambda request, _: {"done": queue.repeat(request.path_params["name"])},
@@ -245,6 +247,11 @@ def _posted(act: Act) -> Answer:
         return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data, POSTED))), request)
 
     return answered
+
+
+def end() -> None:
+    """End the server as Ctrl+C does, where there may be no terminal to press it in."""
+    signal.raise_signal(signal.SIGINT)
 
 
 async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> None:

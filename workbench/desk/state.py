@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import secrets
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from html import escape
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from tempfile import mkstemp
 
@@ -17,6 +19,9 @@ from endoct.base.files.json_values import read_object
 from endoct.workbench.desk.runs import Queue
 
 MOST_RECENT = 20
+OPEN_HTML = "open.html"
+ANSWER_S = 2
+"""How long a server that may still run is waited for."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,18 @@ class State:
         A browser's own command line can be read by other users of the machine; this file cannot.
         """
         page = f'<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={escape(address)}">'
-        return self._write("open.html", page)
+        return self._write(OPEN_HTML, page)
+
+    def running(self) -> str | None:
+        """Return the start page of a server that the file of :meth:`address_file` leads to, None where none answers."""
+        with suppress(OSError, HTTPException):
+            found = re.search(rf"http://([^/\"]+)(/{self.token}/)", (self.folder / OPEN_HTML).read_text("utf-8"))
+            if found:
+                connection = HTTPConnection(found[1], timeout=ANSWER_S)
+                with closing(connection):
+                    connection.request("GET", found[2])
+                    return found[0] if connection.getresponse().status == 200 else None
+        return None
 
     def recent(self) -> list[Recent]:
         """Return the folders that were opened and are still there, the last one first."""

@@ -7,9 +7,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from workbench_page import serving
 
 from endoct.workbench.commands.opening import open_folder
+from endoct.workbench.desk.desk import Desk
+from endoct.workbench.desk.desk_app import desk_app
 from endoct.workbench.desk.runs import Queue
+from endoct.workbench.desk.state import State
 
 
 @pytest.mark.parametrize(
@@ -38,6 +42,31 @@ def test_runs_that_go_on_are_counted(
     assert first.startswith("http://here/")
     assert f" shows {tmp_path}; Ctrl+C ends it" in " ".join([first, *rest])
     assert [line.split("; ")[0] for line in rest if "runs go on" in line] == said
+
+
+def test_a_second_double_click_shows_the_page_that_is_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And where the server has ended meanwhile, starts another."""
+    monkeypatch.setattr("endoct.workbench.desk.state.user_state_path", lambda *_, **__: tmp_path / "state")
+    shown: list[str] = []
+    monkeypatch.setattr("webbrowser.open", shown.append)
+    started: list[str] = []
+    monkeypatch.setattr(
+        "endoct.workbench.page.serving.run_server",
+        lambda app, host, port, say: started.append(host) or say("http://no/"),
+    )
+    state = State(tmp_path / "state")
+    with serving(lambda host, port: desk_app(Desk(state, {}), host, port)) as served:
+        start = f"{served.url}{state.token}/"
+        state.address_file(f"{start}f/some-folder/")
+        assert open_folder() == 0
+        assert not started
+        assert capsys.readouterr().out == f"{start} is open already\n"
+        assert shown == [(tmp_path / "state" / "open.html").as_uri()]
+        assert f"url={start}" in (tmp_path / "state" / "open.html").read_text().replace("&#x27;", "")
+    assert open_folder() == 0
+    assert started == ["127.0.0.1"]
 
 
 def test_a_double_click_opens_the_start_page(monkeypatch: pytest.MonkeyPatch):

@@ -268,6 +268,15 @@ def test_a_sample_bore_is_queued_from_the_start_page(chromium: Any, served: Serv
         assert (run.arguments, run.folder) == (("demo", "--output=sample-2"), tmp_path / "mine")
 
 
+def test_it_is_ended_from_the_start_page(chromium: Any, served: Served, desk: Desk, monkeypatch: pytest.MonkeyPatch):
+    ended: list[bool] = []
+    monkeypatch.setattr("endoct.workbench.desk.desk_app.end", lambda: ended.append(True))
+    with page_of(chromium, served, f"{desk.root}/", ".folders") as watched:
+        watched.page.click("text=Quit")
+        says(watched.page, "main [role=status]", "has ended")
+        assert ended == [True]
+
+
 def test_results_are_sorted_filtered_grouped_and_noted_on(
     chromium: Any, served: Served, desk: Desk, study: Path, comparison: Path
 ):

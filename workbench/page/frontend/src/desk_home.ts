@@ -55,5 +55,9 @@ export async function showHome(main: HTMLElement): Promise<void> {
     ...(rows.length ? [element("section", { class: "card" }, element("h2", {}, "Recent"), element("ul", { class: "recent" }, ...rows))] : []),
     element("section", { class: "card" }, element("h2", {}, "Open a folder"), form, fault, list),
   );
+  const quit = button("Quit", "end endoct; runs that are under way go on, and those that wait go on when it is opened again", null, () => {
+    post(`${root}/quit`).then(() => main.replaceChildren(element("p", { role: "status" }, "endoct has ended. This window can be closed.")), (error: unknown) => (fault.textContent = message(error)));
+  });
+  main.append(element("p", { class: "line" }, quit));
   await look("");
 }

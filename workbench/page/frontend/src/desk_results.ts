@@ -95,7 +95,7 @@ export class ResultsTable {
       element("td", {}, ...(entry.thumbnail ? [element("img", { src: entry.thumbnail, loading: "lazy", alt: "" })] : [])),
       element("td", {}, entry.address ? element("a", link, ...pathText(entry.name)) : element("span", {}, ...pathText(entry.name)), " ", element("small", {}, `${entry.kind === "summary" ? "summary " : ""}${entry.about}`)),
       element("td", {}, entry.fault ? element("span", { class: "fault" }, entry.fault)
-        : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, levelOf(entry)), element("small", {}, ` ${entry.headline}`)), ...this.steps(entry)),
+        : element("span", {}, element("span", { class: `level ${entry.level ?? ""}` }, levelOf(entry)), element("small", {}, ` ${entry.headline}`), ...entry.doubts.slice(0, 1).map((doubt) => element("small", { class: "doubt" }, doubt))), ...this.steps(entry)),
       element("td", {}, entry.jaccard === null ? "" : entry.jaccard.toFixed(2), interval),
       element("td", { title: entry.doubts.join("\n") }, entry.doubts.length ? String(entry.doubts.length) : ""),
       element("td", {}, entry.written),

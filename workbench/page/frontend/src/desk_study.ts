@@ -46,8 +46,8 @@ class StudyPage {
       element("div", { class: "columns" },
         element("div", {},
           this.fault,
-          element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate),
-            element("table", { class: "inputs" }, head("picture", "name", "what it is", "size", "what to do"), this.inputs), this.pairs.element, this.unread),
+          element("section", { class: "card" }, element("h2", {}, "Recordings", this.said, look, simulate), this.pairs.element,
+            element("table", { class: "inputs" }, head("picture", "name", "what it is", "size", "what to do"), this.inputs), this.unread),
           this.results.element),
         this.queue.element));
     try {
