@@ -24,13 +24,21 @@ export function stepsOf(entry: Result, study: Study): HTMLElement[] {
   return [element("div", { class: "next" }, ...first, ...(others.length ? [more] : []))];
 }
 
-/** Do the step that the address asks for, as the page of a result leads here. */
+/** Do the step that the address asks for, or compare against the masks that it names, as the page of a result leads here. */
 export function followAddress(entries: readonly Result[], study: Study): void {
   const asked = new URLSearchParams(location.search);
   const entry = entries.find((each) => each.name === asked.get("of"));
-  const step = entry?.steps[Number(asked.get("step"))];
-  if (!entry || !step) return;
+  const step = entry?.steps[Number(asked.get("step") ?? NaN)];
+  const [sides, masks] = [asked.getAll("side"), asked.getAll("mask")];
+  if (!entry || !(step || masks.length)) return;
   history.replaceState(null, "", location.pathname); // once
+  if (!step) {
+    const [a = "", b = ""] = sides.map((side) => `${entry.name}:${side}`);
+    const form = study.form("compare");
+    const values = { a, b, output: study.free(`${entry.name}-drawn`), truth: masks.map((name) => `${entry.name}/masks/${sides[0]}/${name}.png`) };
+    if (form) openForm(form, values, study.paths(), () => void study.queued());
+    return;
+  }
   if (step.does === "describe") location.assign(named("recording", step.recording));
   else compare(entry, step, study);
 }

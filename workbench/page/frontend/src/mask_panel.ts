@@ -135,8 +135,18 @@ export class MaskPanel {
       ...(this.isResumed && !painting.isSaved ? [element("p", {}, "What you drew before is here again.")] : []),
       ...(names.length ? [element("div", { class: "tools" }, "score against", ...names.map((name) => button(name, "how well each side agrees with this mask", null, () => void this.judge(name))))] : []),
       ...(this.score ? [element("p", {}, this.score)] : []),
+      ...this.compared(names),
       ...(this.hasNew() ? [button("show saved masks", "load the page anew: saved masks are layers and outlines then", null, () => location.reload())] : []),
       ...(this.command ? [element("details", {}, element("summary", {}, "Saved. Score against it"), element("code", {}, this.command))] : []));
+  }
+
+  /** A link to where the sides can be compared again, with every mask of side A as drawn by a rater. */
+  private compared(names: readonly string[]): HTMLElement[] {
+    const again = document.querySelector<HTMLElement>("a.above")?.dataset["again"];
+    const sides = this.state.description.sides;
+    if (!again || !names.length || this.state.painting.side !== sides[0]) return [];
+    const asked = [...sides.map((side) => `side=${encodeURIComponent(side)}`), ...names.map((name) => `mask=${encodeURIComponent(name)}`)];
+    return [element("a", { class: "act", href: `${again}&${asked.join("&")}` }, `compare again, against ${names.length === 1 ? "this mask" : `these ${names.length} masks`}`)];
   }
 
   /** Whether a mask was saved since the page was opened, of which it has no layer. */
