@@ -4,6 +4,7 @@ import webbrowser
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from threading import Thread
 from typing import Annotated, Any
 
 from tyro.conf import Positional
@@ -63,7 +64,8 @@ def open_folder(
         opened = state.address_file(address)
         print_line(f"{address} shows {folder or 'where to begin'}; Ctrl+C ends it")
         if not no_browser:
-            webbrowser.open(opened.as_uri())
+            # some browsers are waited for until they end, and wait for the server meanwhile
+            Thread(target=webbrowser.open, args=(opened.as_uri(),), daemon=True).start()
 
     run_server(partial(desk_app, desk), host, port, announce)
     runs = [run.state for run in desk.state.queue.runs()]

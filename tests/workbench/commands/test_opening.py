@@ -2,8 +2,10 @@
 
 import sys
 import tomllib
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -67,6 +69,22 @@ def test_a_second_double_click_shows_the_page_that_is_open(
         assert f"url={start}" in (tmp_path / "state" / "open.html").read_text().replace("&#x27;", "")
     assert open_folder() == 0
     assert started == ["127.0.0.1"]
+
+
+def test_a_browser_that_stays_in_the_foreground_finds_the_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("endoct.workbench.desk.state.user_state_path", lambda *_, **__: tmp_path / "state")
+    runs, ended = Event(), Event()
+    monkeypatch.setattr("webbrowser.open", lambda _: ended.set() if runs.wait(20) else None)
+
+    def serve(app: object, host: str, port: int, say: Callable[[str], None]) -> None:
+        say("http://here/")
+        runs.set()
+
+    monkeypatch.setattr("endoct.workbench.page.serving.run_server", serve)
+    assert open_folder(tmp_path) == 0
+    assert ended.wait(20)
 
 
 def test_a_double_click_opens_the_start_page(monkeypatch: pytest.MonkeyPatch):
