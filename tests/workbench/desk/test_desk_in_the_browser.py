@@ -268,6 +268,23 @@ def test_a_sample_bore_is_queued_from_the_start_page(chromium: Any, served: Serv
         assert (run.arguments, run.folder) == (("demo", "--output=sample-2"), tmp_path / "mine")
 
 
+def test_masks_that_were_drawn_are_compared_against(
+    chromium: Any, served: Served, desk: Desk, study: Path, comparison: Path
+):
+    result = shutil.copytree(comparison, study / "results" / "x")
+    (result / "masks" / "endoscope").mkdir(parents=True)
+    (result / "masks" / "endoscope" / "me_1.png").write_bytes(b"")
+    with page_of(chromium, served, f"{desk.open(study).address}at/results/x/", ".pane[data-z-mm]") as watched:
+        page = watched.page
+        page.keyboard.press("d")
+        page.click("text=compare again, against this mask")
+        says(page, "dialog .command", "^endoct compare")
+        sides = "results/x/panoramas/endoscope.zarr results/x/panoramas/oct.zarr"
+        truth = "--output=results/x-drawn --truth results/x/masks/endoscope/me_1.png"
+        assert page.locator("dialog .command").inner_text() == f"endoct compare {sides} {truth}"
+        assert all((study / side).is_dir() for side in sides.split())
+
+
 def test_it_is_ended_from_the_start_page(chromium: Any, served: Served, desk: Desk, monkeypatch: pytest.MonkeyPatch):
     ended: list[bool] = []
     monkeypatch.setattr("endoct.workbench.desk.desk_app.end", lambda: ended.append(True))

@@ -33,7 +33,7 @@ export function followAddress(entries: readonly Result[], study: Study): void {
   if (!entry || !(step || masks.length)) return;
   history.replaceState(null, "", location.pathname); // once
   if (!step) {
-    const [a = "", b = ""] = sides.map((side) => `${entry.name}:${side}`);
+    const [a = "", b = ""] = sides.map((side) => `${entry.name}/panoramas/${side}.zarr`);
     const form = study.form("compare");
     const values = { a, b, output: study.free(`${entry.name}-drawn`), truth: masks.map((name) => `${entry.name}/masks/${sides[0]}/${name}.png`) };
     if (form) openForm(form, values, study.paths(), () => void study.queued());
