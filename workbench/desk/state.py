@@ -20,7 +20,7 @@ from endoct.workbench.desk.runs import Queue
 
 MOST_RECENT = 20
 OPEN_HTML = "open.html"
-ANSWER_S = 2
+ANSWER_S = 30
 """How long a server that may still run is waited for."""
 
 
