@@ -20,12 +20,6 @@ def readonly(values: ArrayLike, dtype: DTypeLike) -> NDArray[Any]:
     return array
 
 
-def settled(array: NDArray[T]) -> NDArray[T]:
-    """Return ``array``, read-only from now on: nobody else holds it, so that :func:`readonly` need not copy it."""
-    array.flags.writeable = False
-    return array
-
-
 def read_view(array: NDArray[T]) -> NDArray[T]:
     """Return a view of ``array`` that cannot be written.
 

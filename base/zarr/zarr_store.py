@@ -159,13 +159,10 @@ def _check_texts(array: Declared, data: bytes, compressor: str | None, file: Pat
 
 @dataclass(frozen=True)
 class Named:
-    """An array with its dims, attributes such as ``units``, and the shape of its chunks (None: as Zarr sees fit).
-
-    A tuple of arrays are its items along the first dim, written one by one.
-    """
+    """An array with its dims, attributes such as ``units``, and the shape of its chunks (None: as Zarr sees fit)."""
 
     dims: tuple[str, ...]
-    values: NDArray[Any] | tuple[NDArray[Any], ...]
+    values: NDArray[Any]
     attributes: Mapping[str, str] = field(default_factory=dict)
     chunks: tuple[int, ...] | None = None
 
@@ -181,13 +178,10 @@ def write_arrays(
     others = {"coordinates": " ".join(coordinates)} if coordinates else {}
     group = zarr.create_group(path, zarr_format=3, attributes={**attributes, **others})
     for name, array in arrays.items():
-        values = array.values
-        first, items = (values[0], (len(values),)) if isinstance(values, tuple) else (values, ())
-        sizes = dict(zip(array.dims, (*items, *first.shape), strict=True))
-        dtype = str if first.dtype.kind == "O" else first.dtype
+        sizes = dict(zip(array.dims, array.values.shape, strict=True))
+        dtype = str if array.values.dtype.kind == "O" else array.values.dtype
         made = new_array(group, name, sizes, dtype, chunks=array.chunks, attributes=array.attributes)
-        for where, part in enumerate(values) if items else [(..., values)]:
-            made[where] = part
+        made[...] = array.values
     consolidate(path)
     return group
 

@@ -116,7 +116,7 @@ def save_comparison(comparison: Comparison, path: Path) -> None:
     }
     arrays = {
         **{
-            name: Named(dims, tuple(getattr(side, name) for side in comparison.sides), said[name], chunks)
+            name: Named(dims, np.stack([getattr(side, name) for side in comparison.sides]), said[name], chunks)
             for name in IMAGES
         },
         "cells": Named(("cell", "property"), as_numbers(comparison.cells, comparison.names), {"long_name": cells}),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from endoct.base.arrays import Image, Mask, settled
+from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
@@ -80,10 +80,10 @@ class Wall:
         known: Mask = np.isfinite(self.relief_mm)
         return Panorama(
             grid=self.grid,
-            intensity=settled(np.where(lit, light.intensity, np.float32(1))),
-            depth_mm=settled(np.where(known, self.relief_mm, np.float32(0))),
-            valid=settled(known),
-            weight=settled(known.astype(np.float32)),
+            intensity=np.where(lit, light.intensity, np.float32(1)),
+            depth_mm=np.where(known, self.relief_mm, np.float32(0)),
+            valid=known,
+            weight=known.astype(np.float32),
             modality="wall",
             handedness_known=a.handedness_known,
             travel_known=a.travel_known,
@@ -102,8 +102,7 @@ def wall_from(sides: BothSides) -> Wall:
     """Return the wall by what both sides show of it."""
     probability, cells = cells_from(sides)
     relief_mm, error_mm = _relief(sides, cells)
-    decided = settled(_decided(sides, cells))
-    return Wall(sides.grid, settled(probability), cells, relief_mm, settled(error_mm), decided)
+    return Wall(sides.grid, probability, cells, relief_mm, error_mm, _decided(sides, cells))
 
 
 def cells_from(sides: BothSides) -> tuple[Image, Mask]:
