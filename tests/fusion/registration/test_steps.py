@@ -98,7 +98,8 @@ def test_only_bands_that_are_sure_count_each_to_a_fraction_of_a_sample(monkeypat
     found = step_along(prepare(make_pair().a), prepare(make_pair().b), make_pair().truth)
     assert found is not None
     assert found.along_mm == pytest.approx(0.2)
-    assert found.at_mm == pytest.approx(9.75)
+    # bands across a step are left out, so that it fits as well anywhere among them: rounding decides
+    assert found.at_mm == pytest.approx(9.75, abs=BANDS.tall_mm / 2)
 
 
 @pytest.mark.parametrize(("noisy", "found"), [(1.0, True), (1.2, False)])
