@@ -173,7 +173,7 @@ class serving:
         self._socket = listening_socket("127.0.0.1", 0)
         self._port: int = self._socket.getsockname()[1]
         app = (page_or_table(served) if isinstance(served, Path) else served)("127.0.0.1", self._port)
-        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error"))
+        self._server = uvicorn.Server(uvicorn.Config(app, log_level="error", log_config=None))
         self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self._socket]})
 
     def __enter__(self) -> Served:
