@@ -67,8 +67,11 @@ def test_a_second_double_click_shows_the_page_that_is_open(
         assert capsys.readouterr().out == f"{start} is open already\n"
         assert shown == [(tmp_path / "state" / "open.html").as_uri()]
         assert f"url={start}" in (tmp_path / "state" / "open.html").read_text().replace("&#x27;", "")
+        assert open_folder(port=1) == 0  # who names a port wants a server there
+        assert started == ["127.0.0.1"]
+        state.address_file(start)
     assert open_folder() == 0
-    assert started == ["127.0.0.1"]
+    assert started == ["127.0.0.1"] * 2
 
 
 def test_a_browser_that_stays_in_the_foreground_finds_the_server(
