@@ -11,6 +11,7 @@ from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.result import MaskScores, Overlap, PairScores, Result, StoredAlignment
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.page.heading import comparison_heading, panorama_heading, uncounted_text
+from endoct.workbench.page.opening import _seen
 
 GRID = SurfaceGrid.full_circle(50, 100, z0_mm=0.0, dz_mm=0.02, radius_mm=1.25)
 
@@ -70,6 +71,20 @@ def test_cells_that_are_not_counted_are_said_by_reason() -> None:
         "4 of 5 cells are not counted. Of endoscope: 2 where oct observed nothing, 1 of which oct observed less than "
         "half. Of oct: 1 of which endoscope observed less than half."
     )
+
+
+@pytest.mark.parametrize(
+    ("counts", "is_matched", "state", "said"),
+    [
+        (False, True, "not observed", "not counted: oct observed 40% of it, where it is oct 3"),
+        (False, False, "not observed", "not counted: oct observed 40% of it"),
+        (True, True, "matched", "is oct 3: overlap 0.80"),
+        (True, False, "overlapping", "overlaps oct 3 by 0.80, less than half"),
+    ],
+)
+def test_a_cell_says_whether_it_counts(counts: bool, is_matched: bool, state: str, said: str) -> None:
+    cell: Any = SimpleNamespace(counts=counts, is_matched=is_matched, partner=3, overlap=0.8, observed_by_other=0.4)
+    assert _seen(cell, "oct", aligned=True) == (state, said)
 
 
 @pytest.mark.parametrize(("name", "title"), [("oct", "oct"), ("bore-1", "bore-1: oct")])
