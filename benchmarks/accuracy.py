@@ -38,6 +38,7 @@ from endoct.workbench.bench.results.result_tables import difference_table, write
 from endoct.workbench.bench.results.score_summary import differences, score_names
 from endoct.workbench.bench.runner import MethodResult, narrowed, parse_seeds, run_method
 from endoct.workbench.bench.task import SUCCESS, Case, Declined, Range, Task, draw
+from endoct.workbench.bench.tasks.oct import EVEN_TURNS
 from endoct.workbench.pipeline.truth import held_against, load_truth
 from endoct.workbench.running.scheduler import one_blas_thread
 from endoct.workbench.sides.recipes import RECIPES
@@ -48,7 +49,6 @@ MAIN = "main"
 FACTOR = 1.5
 NOT_TUNED = {"oct.seed", "compare.z_scale_min", "compare.z_scale_max"}
 """These numbers are no amounts: a seed, and bounds about 1."""
-EVEN_TURNS = {f"correct_{step}": False for step in ("rotation", "turn_length", "start_angle", "lost_ascans")}
 STEPS: Mapping[str, Settings] = {
     MAIN: {},
     "literal": {"oct": RECIPES["paper"]["oct"]},

@@ -1,10 +1,10 @@
-"""Make a published set with the specimens of both generators.
+"""Make a published set with the specimens of both generators, or a key for its hidden half.
 
     python -m benchmarks.published -o DATA [--full] [--workers 2]          the public half
+    python -m benchmarks.published --new-key hidden.key
     python -m benchmarks.published -o HIDDEN --key hidden.key [--full]     the hidden half
 
-Where there is no file ``hidden.key``, a new key is drawn and written there. A hidden half also gets ``digests.json``:
-what is published of it, names and digests.
+A hidden half also gets ``digests.json``: what is published of it, names and digests.
 """
 
 import argparse
@@ -26,15 +26,18 @@ DIGESTS = "digests.json"
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.published", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--set", default="endoct-bench-2")
     parser.add_argument("--full", action="store_true", help="five times the small set")
-    parser.add_argument("--key", type=Path, help="file of the key of the hidden half, made where there is none")
+    parser.add_argument("--key", type=Path, help="file of the key of the hidden half")
+    parser.add_argument("--new-key", type=Path, help="write a key there, and make nothing")
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
-    if options.key and not options.key.exists():
-        write_key(options.key)
-        print(f"{options.key}: a new key; keep it, and keep it secret")
+    if options.new_key:
+        write_key(options.new_key)
+        return
+    if options.output is None:
+        parser.error("-o is missing")
     made = make_set(
         options.output,
         options.set,

@@ -119,8 +119,8 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     if folder is not None:
         with stages.stage("write"):
             unpictured = folder.write(comparison, against)
-            if output is not None and landmarks is not None and landmarks.notes:
-                (output / SESSION_NAME).write_bytes(landmarks.to_bytes())  # the page goes on with its notes
+            if landmarks is not None and landmarks.notes:
+                (folder.path / SESSION_NAME).write_bytes(landmarks.to_bytes())  # the page goes on with its notes
             if joined is not None and wall is not None:
                 folder.write_wall(wall, joined.cells)
     notes = {

@@ -89,6 +89,7 @@ def test_the_doubt_says_where_and_why_without_saying_whose_fault(along_mm: float
 def test_only_bands_that_are_sure_count_each_to_a_fraction_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     z_mm = np.arange(0, 20, 0.5)
     exactly_mm = np.where(z_mm < 10, 0.03, 0.23)
+    exactly_mm[(z_mm == 9.5) | (z_mm == 10)] = 0.1, 0.16  # bands across the step fit neither side of it
     sure = [
         FittedPart("band", z - 0.4, z + 0.4, PartFit(0.1, 0.0, (BANDS.clear, -1.0), exact - 0.1))
         for z, exact in zip(z_mm, exactly_mm, strict=True)
@@ -98,8 +99,7 @@ def test_only_bands_that_are_sure_count_each_to_a_fraction_of_a_sample(monkeypat
     found = step_along(prepare(make_pair().a), prepare(make_pair().b), make_pair().truth)
     assert found is not None
     assert found.along_mm == pytest.approx(0.2)
-    # bands across a step are left out, so that it fits as well anywhere among them: rounding decides
-    assert found.at_mm == pytest.approx(9.75, abs=BANDS.tall_mm / 2)
+    assert found.at_mm == pytest.approx(9.75)
 
 
 @pytest.mark.parametrize(("noisy", "found"), [(1.0, True), (1.2, False)])
