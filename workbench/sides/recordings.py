@@ -11,6 +11,7 @@ from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import NotSeen
 from endoct.base.files.files import State, check_unchanged, digests, state_of
+from endoct.fusion.evidence.depth_against_light import with_depth_against_light
 from endoct.modalities.acquisition import Acquisition
 from endoct.modalities.assembly import assemble
 from endoct.modalities.contract import (
@@ -133,7 +134,8 @@ def unroll_recording(recording: Recording, stages: Stages, label: str = "") -> U
         if hasattr(implementation, "add_depth"):
             with stages.stage(f"depth {title}") as advance:
                 parallax = cast(ParallaxModality[Any, Any], implementation)
-                blended = parallax.add_depth(blended, Watched(frames, advance), calibration, parameters)
+                deep = parallax.add_depth(blended, Watched(frames, advance), calibration, parameters)
+                blended = with_depth_against_light(deep)
         with stages.stage(f"settle {title}"):
             settled = implementation.settle(blended, calibration)
         panorama = replace(

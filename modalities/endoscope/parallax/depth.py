@@ -48,10 +48,11 @@ STEP, JUMP = 0.2, 1.0
 DOUBT = 0.05
 """Depths that cost this much more are 1/e as probable."""
 ROUGHNESS = 1.0
-SCALE_STATED, SCALE_ASSUMED = 0.03, 0.15
-"""All depths together have this relative standard error where the mirror's optics are stated, or are assumed."""
+SCALE_STATED, SCALE_ASSUMED = 0.03, 0.5
+"""All depths together have this relative standard error where the mirror's optics are stated, or are assumed: they are
+as R + d, with the bore's radius R and the pupil's distance d from the cone, which no feed tells."""
 LEAST_ERROR_MM, MOST_ERROR_MM = 0.015, 0.25
-"""No error is stated as less; what is less sure than that is not known."""
+"""No error is stated as less; where frames tell it less surely than that, depth is not known."""
 PIECE_MM, OVERLAP_MM = 1.5, 0.2
 LOOK_MM = 0.5
 """The scale of texture is chosen by this length of the bore."""
@@ -81,10 +82,10 @@ def add_parallax(panorama: Panorama, stream: FrameStream, calibration: Endoscope
         found = list(thread_map(of_piece, _pieces(fine)))
     depth_mm, error_mm = (np.concatenate(each) for each in zip(*found, strict=True))
     relative = SCALE_ASSUMED if calibration.optics.assumed else SCALE_STATED
-    error_mm = np.hypot(error_mm, relative * depth_mm)
     rows, columns = fine.block_of(panorama.grid)
     of_samples = np.ix_(rows, columns)
     known = panorama.valid & (error_mm <= MOST_ERROR_MM)[of_samples]
+    error_mm = np.hypot(error_mm, relative * depth_mm)
     return replace(
         panorama,
         parallax_depth_mm=np.where(known, depth_mm[of_samples], np.nan),
