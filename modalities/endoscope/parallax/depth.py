@@ -48,7 +48,7 @@ STEP, JUMP = 0.2, 1.0
 DOUBT = 0.05
 """Depths that cost this much more are 1/e as probable."""
 ROUGHNESS = 1.0
-SCALE_STATED, SCALE_ASSUMED = 0.03, 0.5
+SCALE_STATED, SCALE_ASSUMED = 0.03, 0.4
 """All depths together have this relative standard error where the mirror's optics are stated, or are assumed: they are
 as R + d, with the bore's radius R and the pupil's distance d from the cone, which no feed tells."""
 LEAST_ERROR_MM, MOST_ERROR_MM = 0.015, 0.25
