@@ -19,8 +19,9 @@ DEEPEST_MM = 1.5
 MOST_APART_MM = 0.2
 """A depth that is less by more than that is not known."""
 DARK = 0.5
-MOST_CONTRADICTED = 2 / 3
-"""Where more of what is darker than ``DARK`` contradicts it, frames do not show depth at all."""
+MOST_CONTRADICTED, LEAST_DARK = 2 / 3, 0.01
+"""Where more of what is darker than ``DARK`` contradicts it, frames do not show depth at all. In bores with floors as
+bright as the wall too little is that dark to tell."""
 
 
 def with_depth_against_light(panorama: Panorama) -> Panorama:
@@ -30,13 +31,14 @@ def with_depth_against_light(panorama: Panorama) -> Panorama:
     no such depth.
     """
     depth_mm, error_mm = panorama.parallax_depth_mm, panorama.parallax_error_mm
-    if depth_mm is None or error_mm is None or not np.isfinite(depth_mm).any():
+    if depth_mm is None or error_mm is None:
         return panorama
     darkness = prepare(panorama, prefer="intensity").values
     by_light_mm = np.clip(MM_PER_DARKNESS * (darkness - STAINED), 0, DEEPEST_MM)
     short_mm = np.maximum(by_light_mm - depth_mm, 0)
-    dark, contradicts = np.isfinite(depth_mm) & (darkness > DARK), short_mm > MOST_APART_MM
-    if contradicts[dark].sum() > MOST_CONTRADICTED * dark.sum():
+    known, contradicts = np.isfinite(depth_mm), short_mm > MOST_APART_MM
+    dark = known & (darkness > DARK)
+    if dark.sum() > LEAST_DARK * known.sum() and contradicts[dark].mean() > MOST_CONTRADICTED:
         return replace(panorama, parallax_depth_mm=None, parallax_error_mm=None)
     unknown = np.float32(np.nan)
     return replace(

@@ -79,10 +79,15 @@ def test_where_nearly_all_that_is_dark_seems_to_lie_at_the_wall_frames_show_no_d
     assert flat.parallax_error_mm is None
     half = with_depth_against_light(panorama(np.where(PITCH_BLACK, 0.0, DEPTH_MM)))
     assert half.parallax_depth_mm is not None, "half of it is not nearly all"
+    speck = (np.hypot(ROWS - 40, COLUMNS - 80) < 6) & DEEP
+    assert 0 < speck.mean() < 0.01
+    bright = panorama(np.where(speck, 0.0, np.where(DARKNESS > 0, np.nan, DEPTH_MM)))
+    assert with_depth_against_light(bright).parallax_depth_mm is not None, "too little is dark to tell"
 
 
 def test_a_panorama_without_depth_stays_as_it_is() -> None:
     without = replace(panorama(), parallax_depth_mm=None, parallax_error_mm=None)
     assert with_depth_against_light(without) is without
-    nowhere = panorama(np.nan)
-    assert with_depth_against_light(nowhere) is nowhere
+    nowhere = with_depth_against_light(panorama(np.nan)).parallax_depth_mm
+    assert nowhere is not None
+    assert np.isnan(nowhere).all()
