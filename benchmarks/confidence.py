@@ -35,9 +35,8 @@ from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.evidence.evidence import Evidence, prepare
-from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align
+from endoct.fusion.registration.align import BELIEVABLE, LIKELY_CHANCE, Alignment, align, orientations_of
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.tasks.alignment import orientations_between
 from endoct.workbench.pipeline.truth import TrueMap, TruePose, load_truth, true_pose
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))
@@ -73,7 +72,7 @@ def aligned(pairing: Pairing, cache_folder: Path) -> Row:
     poses = true_pose(panorama_a, load_truth(pairing.a)), true_pose(panorama_b, load_truth(pairing.b))
     if pairing.share is not None:
         a, b = _cut(a, b, poses, pairing.share)
-    orientations = orientations_between(panorama_a, panorama_b)
+    orientations = orientations_of(panorama_a, panorama_b)
     answer = align(a, replace(b, radius_mm=a.radius_mm), orientations=orientations)
     best = answer if isinstance(answer, Alignment) else answer.best
     row |= {"aligned": isinstance(answer, Alignment), "reason": "" if isinstance(answer, Alignment) else answer.reason}

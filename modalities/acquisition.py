@@ -69,11 +69,6 @@ def field_at(model: type[BaseModel], place: Iterable[Any]) -> FieldInfo | None:
     return field
 
 
-def field_limits(model: type[BaseModel], key: str) -> tuple[float | None, float | None]:
-    """Return the least and the largest value that a key of ``model`` may have, None where it has no such limit."""
-    return _bounds(model, (key,))
-
-
 def check_kinds(model: type[BaseModel], keys: Mapping[str, Any], where: str, inside: str = "") -> None:
     """Raise :class:`EndoctError` for a text or true and false where ``model`` has a number, and for absurd numbers.
 
@@ -105,7 +100,7 @@ def expectation(model: type[BaseModel], error: Mapping[str, Any]) -> str:
     if not str(error["type"]).startswith(("greater_than", "less_than")):
         return said
     unit = unit_of(_name(error))
-    low, high = _bounds(model, error["loc"])
+    low, high = field_limits(model, error["loc"])
     if low is not None and high is not None:
         said = f"{low:g} to {high:g}"
     return f"{said} {unit}".strip()
@@ -125,8 +120,8 @@ def _name(error: Mapping[str, Any]) -> str:
     return next((part for part in reversed(error["loc"]) if isinstance(part, str)), "")
 
 
-def _bounds(model: type[BaseModel], place: Iterable[Any]) -> tuple[Any, Any]:
-    """Return the least and the largest value of the field at ``place``, None where it has none."""
+def field_limits(model: type[BaseModel], place: Iterable[Any]) -> tuple[Any, Any]:
+    """Return the least and the largest value of the field at ``place``, as :func:`field_at` has it, or None."""
     low: Any = None
     high: Any = None
     within: type[BaseModel] | None = model

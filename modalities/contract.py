@@ -140,6 +140,20 @@ class FrameStream(Protocol):
     def __getitem__(self, index: int, /) -> Frame: ...
 
 
+class StreamOver:
+    """A stream made of another: as long, and with its sidecar, except where a class of it has its own."""
+
+    stream: FrameStream
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """The sidecar of the whole recording."""
+        return self.stream.acquisition
+
+    def __len__(self) -> int:
+        return len(self.stream)
+
+
 class Calibration(Protocol):
     """What a survey measured: everything that ``unroll`` needs besides the frame, picklable.
 

@@ -6,8 +6,7 @@ from threading import Lock
 from typing import Generic, TypeVar
 
 from endoct.base.compute.memory import Kept
-from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.contract import Frame, FrameStream, StreamOver
 
 F = TypeVar("F", bound=Frame)
 
@@ -22,26 +21,19 @@ def kept_frames(stream: FrameStream, needed: Callable[[Frame], F]) -> Iterator[F
         yield _KeptFrames[F](stream, needed, kept)
 
 
-class _KeptFrames(Generic[F]):
+class _KeptFrames(StreamOver, Generic[F]):
     """A stream that reads every frame once, in whichever thread comes first."""
 
     def __init__(self, stream: FrameStream, needed: Callable[[Frame], F], kept: Kept[F]) -> None:
-        self._stream, self._needed, self._kept = stream, needed, kept
+        self.stream, self._needed, self._kept = stream, needed, kept
         self._places: dict[int, int] = {}
         self._lock = Lock()
-
-    @property
-    def acquisition(self) -> Acquisition:
-        return self._stream.acquisition
-
-    def __len__(self) -> int:
-        return len(self._stream)
 
     def __getitem__(self, index: int) -> F:
         place = self._places.get(index)
         if place is not None:
             return self._kept[place]
-        frame = self._needed(self._stream[index])
+        frame = self._needed(self.stream[index])
         with self._lock:
             self._places[index] = len(self._kept)
             self._kept.append(frame)

@@ -6,7 +6,6 @@ of a bore, and the plan that a surgeon would have had, are markups of 3D Slicer.
 
 import gzip
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,7 +69,9 @@ def scan(sample: Sample, ct: Ct, *, drilled: bool) -> Scan:
     to_bore = np.asarray(np.linalg.inv(to_world), np.float64)
     hu = np.empty(lattice.shape, np.float32)
     label, cell = np.empty(lattice.shape, np.uint8), np.empty(lattice.shape, np.int32)
-    for rows, part in _slabs(lattice):
+    for first in range(0, lattice.shape[0], SLAB):
+        rows = slice(first, min(first + SLAB, lattice.shape[0]))
+        part = lattice.part((rows, slice(0, lattice.shape[1]), slice(0, lattice.shape[2])))
         middle = part.moved(to_bore)
         clearance, of = air_in_bone(sample, middle, ASIDE_MM + BEYOND_MM)
         label[rows], cell[rows] = _labels(sample, middle, clearance), np.where(clearance > 0, of, 0)
@@ -91,12 +92,6 @@ def field_of_view(sample: Sample, ct: Ct, to_world: Coordinates) -> Lattice:
     steps = np.array([ct.slice_mm or ct.voxel_mm, ct.voxel_mm, ct.voxel_mm])
     n = np.ceil((high - low)[::-1] / steps).astype(int)
     return Lattice(low, np.diag(steps)[:, ::-1], (int(n[0]), int(n[1]), int(n[2])))
-
-
-def _slabs(lattice: Lattice) -> Iterator[tuple[slice, Lattice]]:
-    for first in range(0, lattice.shape[0], SLAB):
-        rows = slice(first, min(first + SLAB, lattice.shape[0]))
-        yield rows, lattice.part((rows, slice(0, lattice.shape[1]), slice(0, lattice.shape[2])))
 
 
 def _sharp(sample: Sample, ct: Ct, part: Lattice, to_bore: Coordinates, *, drilled: bool) -> Image:

@@ -2,7 +2,7 @@
 
 from endoct.workbench.bench.published.definition import Definition, Difficulty, Planned, SpecimenKind, load_definition
 from endoct.workbench.bench.published.specimen_set import Entry
-from endoct.workbench.bench.published.submission import Scored, Submission
+from endoct.workbench.bench.published.submitted import Scored, Submission
 
 TASKS = ("segmentation", "stitching", "oct", "alignment", "depth", "wall")
 

@@ -17,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import FrameType
 from typing import IO, Any
@@ -93,12 +93,9 @@ def uninterrupted() -> Iterator[None]:
     Blocking them for this thread alone would not do: Python runs handlers in the main thread, whichever thread the
     system says.
     """
-    with exchanging:
-        if threading.current_thread() is threading.main_thread():
-            with _signals_held_back():
-                yield
-        else:  # handlers run elsewhere then
-            yield
+    is_main = threading.current_thread() is threading.main_thread()  # else handlers run elsewhere
+    with exchanging, _signals_held_back() if is_main else nullcontext():
+        yield
 
 
 @contextmanager

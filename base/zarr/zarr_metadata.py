@@ -11,7 +11,7 @@ import math
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -273,14 +273,9 @@ def _sharded(outer: Declared, metadata: Mapping[str, Any], allowed: Allowed) -> 
     ) != "little":
         raise EndoctError(f"{folder} has an index of shards that is not known", found=", ".join(found))
     where = _expect(folder, "place of the index", metadata.get("index_location", "end"), ["start", "end"])
-    return Declared(
-        folder=folder,
-        zarr_format=3,
-        shape=outer.shape,
-        chunk=outer.chunk,
-        dtype=outer.dtype,
+    return replace(
+        outer,
         compression=_compression(folder, [name for name, _ in codecs[first + 1 :]]),
-        key=outer.key,
         inner=inner,
         index_first=where == "start",
         index_checksum=len(index) == 2,

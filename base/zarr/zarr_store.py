@@ -11,7 +11,6 @@ import os
 import struct
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -217,7 +216,9 @@ def new_array(
 
 def consolidate(path: Path) -> None:
     """Gather the metadata of all arrays below ``path`` in one place, for readers to open at once."""
-    with _unspecified():
+    # consolidated metadata are not in the Zarr 3 specification yet; readers that do not know them ignore them
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
         zarr.consolidate_metadata(str(path))
 
 
@@ -289,11 +290,3 @@ def _check_all(path: Path, arrays: list[Declared], together: int) -> None:
             expected=f"{MOST_ARRAYS} and {limit / 1e9:g} GB at most",
             remedy="check the store; if it is right, set ENDOCT_LARGEST_ARRAY_GB to more",
         )
-
-
-@contextmanager
-def _unspecified() -> Iterator[None]:
-    # consolidated metadata are not in the Zarr 3 specification yet; readers that do not know them ignore them
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Consolidated metadata is currently not part")
-        yield

@@ -31,57 +31,6 @@ _Strict = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=Fal
 _Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class _Place(BaseModel):
-    model_config = _Strict
-
-    theta_rad: float = Field(ge=0, lt=2 * math.pi)
-    z_mm: float = Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)
-
-
-class _Pair(BaseModel):
-    model_config = _Strict
-
-    a: _Place
-    b: _Place
-    role: Role = "correct"
-    name: str = Field(default="", max_length=100)
-    sigma_mm: float = Field(default=USUAL_SIGMA_MM, ge=1e-4, le=10)
-
-
-def _line(text: str) -> str:
-    if not text.isprintable() or not text.strip():
-        raise PydanticCustomError("line", "one line of text without control characters")
-    return text
-
-
-class _Note(BaseModel):
-    model_config = _Strict
-
-    side: Literal["a", "b"]
-    place: _Place
-    text: Annotated[str, Field(max_length=MOST_LETTERS), AfterValidator(_line)]
-
-
-class _Side(BaseModel):
-    model_config = _Strict
-
-    name: str = Field(min_length=1, max_length=100)
-    recording: _Digest
-    read_as: _Digest
-
-
-class _Placed(BaseModel):
-    model_config = _Strict
-
-    pairs: Annotated[tuple[_Pair, ...], Field(strict=False, max_length=MOST_PAIRS)]
-    notes: Annotated[tuple[_Note, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
-
-
-class _File(_Placed):
-    format: Literal["endoct-session-1"]
-    sides: Annotated[tuple[_Side, _Side], Field(strict=False)]
-
-
 @dataclass(frozen=True)
 class Identity:
     """Which side this is: its ``name``, and the sha256 of its ``recording`` and of how that was ``read_as``.
@@ -102,6 +51,68 @@ class Note:
     side: Literal["a", "b"]
     place: Place
     text: str
+
+
+def _becomes(kind: type[Any]) -> AfterValidator:
+    """Have what was read by a model of the fields of ``kind`` be one."""
+    return AfterValidator(lambda stored: kind(**dict(stored)))
+
+
+class _Place(BaseModel):
+    model_config = _Strict
+
+    theta_rad: float = Field(ge=0, lt=2 * math.pi)
+    z_mm: float = Field(ge=-MOST_PLACE_MM, le=MOST_PLACE_MM)
+
+
+_OnWall = Annotated[_Place, _becomes(Place)]
+
+
+class _Pair(BaseModel):
+    model_config = _Strict
+
+    a: _OnWall
+    b: _OnWall
+    role: Role = "correct"
+    name: str = Field(default="", max_length=100)
+    sigma_mm: float = Field(default=USUAL_SIGMA_MM, ge=1e-4, le=10)
+
+
+def _line(text: str) -> str:
+    if not text.isprintable() or not text.strip():
+        raise PydanticCustomError("line", "one line of text without control characters")
+    return text
+
+
+class _Note(BaseModel):
+    model_config = _Strict
+
+    side: Literal["a", "b"]
+    place: _OnWall
+    text: Annotated[str, Field(max_length=MOST_LETTERS), AfterValidator(_line)]
+
+
+class _Side(BaseModel):
+    model_config = _Strict
+
+    name: str = Field(min_length=1, max_length=100)
+    recording: _Digest
+    read_as: _Digest
+
+
+_Identity = Annotated[_Side, _becomes(Identity)]
+
+
+class _Placed(BaseModel):
+    model_config = _Strict
+
+    pairs: Annotated[tuple[Annotated[_Pair, _becomes(LandmarkPair)], ...], Field(strict=False, max_length=MOST_PAIRS)]
+    notes: Annotated[tuple[Annotated[_Note, _becomes(Note)], ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
+
+
+class _File(_Placed):
+    format: Literal["endoct-session-1"]
+    sides: Annotated[tuple[_Identity, _Identity], Field(strict=False)]
 
 
 @dataclass(frozen=True)
@@ -178,8 +189,7 @@ def session_from(data: bytes, where: str) -> Session:
             expected=f"'{FORMAT}', {WRITTEN_BY}",
         )
     file = _checked(_File, stored, where)
-    a, b = (Identity(**side.model_dump()) for side in file.sides)
-    return Session((a, b), _pairs(file.pairs), _notes(file.notes))
+    return Session(file.sides, file.pairs, file.notes)
 
 
 def placed_from(stored: Mapping[str, Any], where: str) -> tuple[tuple[LandmarkPair, ...], tuple[Note, ...]]:
@@ -188,7 +198,7 @@ def placed_from(stored: Mapping[str, Any], where: str) -> tuple[tuple[LandmarkPa
     Raises :class:`EndoctError`, naming ``where``, for nonsense.
     """
     placed = _checked(_Placed, stored, where)
-    return _pairs(placed.pairs), _notes(placed.notes)
+    return placed.pairs, placed.notes
 
 
 def object_from(data: bytes, where: str) -> dict[str, Any]:
@@ -224,19 +234,6 @@ def check_sides(session: Session, sides: Sequence[Identity], where: str) -> None
         expected=f"{' and '.join(of_session)} as they were then",
         remedy=remedy,
     )
-
-
-def _pairs(stored: Sequence[_Pair]) -> tuple[LandmarkPair, ...]:
-    return tuple(
-        LandmarkPair(
-            Place(one.a.theta_rad, one.a.z_mm), Place(one.b.theta_rad, one.b.z_mm), one.role, one.name, one.sigma_mm
-        )
-        for one in stored
-    )
-
-
-def _notes(stored: Sequence[_Note]) -> tuple[Note, ...]:
-    return tuple(Note(one.side, Place(one.place.theta_rad, one.place.z_mm), one.text) for one in stored)
 
 
 def _checked(model: type[Any], stored: Mapping[str, Any], where: str) -> Any:

@@ -20,9 +20,8 @@ usual search fails, or ends at its limit. The remedy then names the values in th
 recordings equally long along the bore.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -45,8 +44,10 @@ from endoct.fusion.registration.instruments import corrected_for_instruments
 from endoct.fusion.registration.refinement import refine
 from endoct.fusion.registration.rigidity import STEP_MM, in_one_frame, parts_out_of_place
 from endoct.fusion.registration.search import rims, search
+from endoct.stitching.panorama import Panorama
+from endoct.stitching.store import PanoramaOutline
 
-__all__ = ["Alignment", "NotAligned", "align", "align_sides", "open_orientations", "orientations_of"]
+__all__ = ["Alignment", "NotAligned", "align", "align_sides", "orientations_of"]
 
 FARTHEST = 0.5, 2.0
 """The farthest scales that are looked at: a pitch stated at half of what it is, or at twice."""
@@ -70,33 +71,14 @@ Of 500 wrong pairs one had a confidence of 0.30 at a chance of 3e-5. Of 19 true 
 0.47 and 1e-8 or better. Seeds 9300–9335 of `quick`, `hard`, `mastoid`, and few, floors, sound, tiny, specks, many."""
 
 
-class Known(Protocol):
-    """A panorama, or what is known of it."""
-
-    @property
-    def handedness_known(self) -> bool:
-        """Whether θ's sense of rotation is known."""
-
-    @property
-    def travel_known(self) -> bool:
-        """Whether z's direction is known."""
-
-
-def open_orientations(*, handedness_known: bool, travel_known: bool) -> tuple[Orientation, ...]:
-    """Return the orientations (mirrored, z_reversed) to search.
+def orientations_of(a: Panorama | PanoramaOutline, b: Panorama | PanoramaOutline) -> tuple[Orientation, ...]:
+    """Return the orientations (mirrored, z_reversed) that what is known of two sides leaves open.
 
     With the direction of travel unknown all four: from its other end the wall is mirrored as well.
     """
-    if not travel_known:
+    if not (a.travel_known and b.travel_known):
         return ALL_ORIENTATIONS
-    return ALL_ORIENTATIONS[:1] if handedness_known else ALL_ORIENTATIONS[:2]
-
-
-def orientations_of(a: Known, b: Known) -> tuple[Orientation, ...]:
-    """Return the orientations that what is known of two sides leaves open."""
-    return open_orientations(
-        handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
-    )
+    return ALL_ORIENTATIONS[:1] if a.handedness_known and b.handedness_known else ALL_ORIENTATIONS[:2]
 
 
 def believable(alignment: Alignment) -> bool:
@@ -253,17 +235,12 @@ def remedies(a: Side, b: Side, z_scale: float) -> tuple[Remedy, ...]:
     key sets the scale of a suspected side.
     """
     factors = (a, 1 / z_scale), (b, z_scale)
-    suspected = [(side, factor) for side, factor in factors if not _borne_out(side)]
-    return tuple(remedy for side, factor in suspected or factors for remedy in _of(side, factor))
-
-
-def _of(side: Side, factor: float) -> Iterator[Remedy]:
-    for key, value in side.panorama.axial_scale.stated.items():
-        yield Remedy(side.name, key, value, value * factor)
-
-
-def _borne_out(side: Side) -> bool:
-    return side.panorama.axial_scale.checked and not side.panorama.doubts
+    suspected = [(side, by) for side, by in factors if not side.panorama.axial_scale.checked or side.panorama.doubts]
+    return tuple(
+        Remedy(side.name, key, value, value * factor)
+        for side, factor in suspected or factors
+        for key, value in side.panorama.axial_scale.stated.items()
+    )
 
 
 def _turned(

@@ -16,11 +16,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from endoct.base.arrays import Coordinates, Mask
-from endoct.fusion.evidence.evidence import Evidence, blurred
+from endoct.fusion.evidence.evidence import Evidence
 from endoct.fusion.geometry.alignment import Alignment, Bend
 from endoct.fusion.registration.courses import INDEPENDENT_MM2, REACH_MM, REACH_RAD, Course, cheapest_course, jumps_of
-from endoct.fusion.registration.equations import PATCH_MM, Level, RowEquations, level, patches_around, row_equations
-from endoct.fusion.registration.refinement import SAMPLES_A_BLUR, sampled
+from endoct.fusion.registration.equations import PATCH_MM, Level, RowEquations, patches_around, row_equations
+from endoct.fusion.registration.refinement import blurred_level
 
 KNOT_MM = 1.5
 """Distance of knots, at most."""
@@ -97,7 +97,7 @@ def find_bend(a: Evidence, b: Evidence, alignment: Alignment) -> Bend | None:
         turned = alignment.inverse()
         found = find_bend(b, a, turned)
         return found and replace(turned, bend=found).inverse().bend
-    levels = [_level(a, b, sigma_mm) for sigma_mm in BLURS_MM]
+    levels = [blurred_level(a, b, 1, sigma_mm) for sigma_mm in BLURS_MM]
     rigid = row_equations(levels[-1], alignment)
     if rigid is None:
         return None
@@ -133,14 +133,6 @@ def _without(evidence: Evidence, patches: Mask) -> Evidence:
     """Return ``evidence`` as if these of the patches around the bore, bool (n_around,), had not been observed."""
     of_column = np.searchsorted(patches_around(evidence), np.arange(evidence.values.shape[1]), side="right") - 1
     return replace(evidence, valid=evidence.valid & ~patches[of_column])
-
-
-def _level(a: Evidence, b: Evidence, sigma_mm: float) -> Level:
-    fine, coarse = (
-        blurred(sampled(side, sigma_mm / samples), sigma_mm)
-        for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
-    )
-    return level(fine, coarse, 1, sigma_mm)
 
 
 def _fit(a: Evidence, b: Evidence, alignment: Alignment, levels: Sequence[Level], *, jumping: bool) -> Bend | None:

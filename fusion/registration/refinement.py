@@ -50,13 +50,9 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
     coarsest_mm = max(b.dz_mm, b.column_mm, a.column_mm)
     blurs_mm = *BLURS_MM, *(finer for finer in FINER_MM if coarsest_mm <= finer)
     for sigma_mm in blurs_mm:
-        fine, coarse = (
-            blurred(sampled(side, sigma_mm / samples), sigma_mm)
-            for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
-        )
         still_mm = sigma_mm * (LAST_STILL if sigma_mm == blurs_mm[-1] else STILL)
         degree = FINE_TONE if sigma_mm in FINER_MM else TONE
-        fit = _gauss_newton(level(fine, coarse, degree, sigma_mm), fit, z_scale_range, still_mm)
+        fit = _gauss_newton(blurred_level(a, b, degree, sigma_mm), fit, z_scale_range, still_mm)
     refined = fit.alignment
     middle_mm = b.z_mm[[0, -1]].mean()
     moved_mm = abs(float(refined.z_to_a(middle_mm) - start.z_to_a(middle_mm)))
@@ -69,6 +65,15 @@ def refine(a: Evidence, b: Evidence, start: Alignment, z_scale_range: tuple[floa
         uneven_rad=float(np.abs(fit.bends[1:] @ waves(np.linspace(0, 2 * np.pi, 360))).max()),
         twist_rad_per_mm=float(fit.bends[0]),
     )
+
+
+def blurred_level(a: Evidence, b: Evidence, degree: int, sigma_mm: float) -> Level:
+    """Return both sides at one blur; ``a`` is interpolated at the samples of ``b``."""
+    fine, coarse = (
+        blurred(sampled(side, sigma_mm / samples), sigma_mm)
+        for side, samples in zip((a, b), SAMPLES_A_BLUR, strict=True)
+    )
+    return level(fine, coarse, degree, sigma_mm)
 
 
 def sampled(evidence: Evidence, spacing_mm: float) -> Evidence:

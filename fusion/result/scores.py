@@ -160,8 +160,7 @@ class Strata(Part):
 
     def by_kind(self) -> dict[str, tuple[Stratum, ...]]:
         """Return the rows of each kind that there is."""
-        kinds = {"diameter_mm": self.diameter_mm, "depth_mm": self.depth_mm, "contrast": self.contrast}
-        return {name: rows for name, rows in kinds.items() if name in self.model_fields_set}
+        return {kind: getattr(self, kind) for kind in Strata.model_fields if kind in self.model_fields_set}
 
 
 class ReliefStratum(Part):
@@ -256,12 +255,7 @@ class BudgetParts(Part):
 
     def by_cause(self) -> dict[str, BudgetPart]:
         """Return the parts by name, in the order in which they are taken off."""
-        return {
-            "alignment": self.alignment,
-            "sampling": self.sampling,
-            "visibility": self.visibility,
-            "segmentation": self.segmentation,
-        }
+        return {cause: getattr(self, cause) for cause in BudgetParts.model_fields}
 
 
 class NotVisible(Part):

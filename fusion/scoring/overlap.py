@@ -187,23 +187,6 @@ class Agreement:
         """2 |A ∩ B| / (|A| + |B|); :data:`BOTH_EMPTY` where neither shows a cell."""
         return index_of(2 * self.both, 2 * self.both + self.only_a + self.only_b)
 
-    def overlap(
-        self, *, sites: int, jaccard_interval: Interval, dice_interval: Interval, jaccard_without_two: Interval
-    ) -> Overlap:
-        """Return scores and areas, with the number of sites, the intervals over them, and what few of them decide."""
-        return Overlap(
-            jaccard=self.jaccard,
-            dice=self.dice,
-            both_mm2=self.both * self.sample_mm2,
-            only_a_mm2=self.only_a * self.sample_mm2,
-            only_b_mm2=self.only_b * self.sample_mm2,
-            neither_mm2=self.neither * self.sample_mm2,
-            sites=sites,
-            jaccard_interval=jaccard_interval,
-            dice_interval=dice_interval,
-            jaccard_without_two=jaccard_without_two,
-        )
-
 
 def jaccard(a: Mask, b: Mask, valid: Mask) -> float | None:
     """Return |A ∩ B| / |A ∪ B| over ``valid``, all bool and of one shape; :data:`BOTH_EMPTY` where they are."""
@@ -220,7 +203,14 @@ def agreement(a: Mask, b: Mask, valid: Mask, sample_mm2: float) -> Agreement:
 
 def overlap(a: Surface, b: Surface, sites: Sites) -> Overlap:
     """Return how far the cells of two surfaces on one grid overlap, with intervals over their ``sites``."""
-    return agreement(a.mask, b.mask, a.valid & b.valid, sites.sample_mm2).overlap(
+    found = agreement(a.mask, b.mask, a.valid & b.valid, sites.sample_mm2)
+    return Overlap(
+        jaccard=found.jaccard,
+        dice=found.dice,
+        both_mm2=found.both * found.sample_mm2,
+        only_a_mm2=found.only_a * found.sample_mm2,
+        only_b_mm2=found.only_b * found.sample_mm2,
+        neither_mm2=found.neither * found.sample_mm2,
         sites=int(sites.both.size),
         jaccard_interval=sites.jaccard_interval(),
         dice_interval=sites.dice_interval(),

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from endoct.base.errors import EndoctError
-from endoct.modalities.acquisition import Acquisition, read_keys, sidecar_path, validate
-from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality
+from endoct.modalities.acquisition import read_keys, sidecar_path, validate
+from endoct.modalities.contract import Calibration, Frame, FrameStream, Manifest, Modality, StreamOver
 from endoct.stitching.strip import Strip
 
 Anything = TypeVar("Anything")
@@ -65,7 +65,7 @@ class Subject:
         return {index: self.modality.unroll(self.stream[index], self.calibration) for index in probed}
 
 
-class Replaced:
+class Replaced(StreamOver):
     """Some frames of a stream, by index, with their samples changed; a stream itself."""
 
     def __init__(
@@ -74,18 +74,13 @@ class Replaced:
         indices: tuple[int, ...],
         change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]] | None = None,
     ) -> None:
-        self._stream, self._indices, self._change = stream, indices, change
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The sidecar of the whole recording."""
-        return self._stream.acquisition
+        self.stream, self._indices, self._change = stream, indices, change
 
     def __len__(self) -> int:
         return len(self._indices)
 
     def __getitem__(self, index: int) -> Frame:
-        frame = self._stream[self._indices[index]]
+        frame = self.stream[self._indices[index]]
         samples = frame.samples if self._change is None else self._change(frame.samples)
         samples.flags.writeable = False
         return replace(frame, index=index, samples=samples)

@@ -1,6 +1,6 @@
 """What the survey of a pullback measured: all that unrolling needs besides a B-scan, values of slices, and notes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,44 +134,39 @@ def notes_on_survey(faces: Faces, lines: FixedLines, acquisition: OctAcquisition
     )
 
 
-def _on_bridging(faces: Faces) -> tuple[str, ...]:
-    count = int(np.count_nonzero(faces.bridged))
-    if not count:
-        return ()
-    return (
-        f"{count} of {faces.bridged.size} slices did not show the capillary's outer face well enough; "
-        "their geometry is bridged from their neighbours and their samples are not valid.",
-    )
+def _on_bridging(faces: Faces) -> Iterator[str]:
+    if count := int(np.count_nonzero(faces.bridged)):
+        yield (
+            f"{count} of {faces.bridged.size} slices did not show the capillary's outer face well enough; "
+            "their geometry is bridged from their neighbours and their samples are not valid."
+        )
 
 
-def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> tuple[str, ...]:
+def _on_first_sample(faces: Faces, acquisition: OctAcquisition) -> Iterator[str]:
     if acquisition.first_sample_mm is None:
-        return ()
+        return
     expected = -acquisition.first_sample_mm / acquisition.medium_index
     difference = float(np.median(faces.capillary.axis_depth_mm)) - expected
-    if -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
-        return ()
-    return (
-        f"The stated first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
-        f"face at {expected + difference:.3f} mm; the capillary was trusted.",
-    )
+    if not -0.05 <= difference <= FIRST_SAMPLE_TOLERANCE_MM:
+        yield (
+            f"The stated first_sample_mm puts the axis at a depth of {expected:.3f} mm, the capillary's outer "
+            f"face at {expected + difference:.3f} mm; the capillary was trusted."
+        )
 
 
-def notes_on_lines(lines: FixedLines) -> tuple[str, ...]:
-    """Return which depth rows of a recording hold fixed lines, and which may."""
+def notes_on_lines(lines: FixedLines) -> Iterator[str]:
+    """Yield which depth rows of a recording hold fixed lines, and which may."""
     claimed, undecided = np.flatnonzero(lines.excess > 0), np.flatnonzero(lines.undecided)
-    notes: tuple[str, ...] = ()
     if claimed.size:
-        notes += (
+        yield (
             f"Depth rows {row_ranges(claimed)} hold fixed lines of the detector, which were taken out; a wall just "
-            "there is less certain.",
+            "there is less certain."
         )
     if undecided.size:
-        notes += (
+        yield (
             f"Depth rows {row_ranges(undecided)} may hold fixed lines of the detector; they are seen in too few "
-            "directions to tell, and were kept.",
+            "directions to tell, and were kept."
         )
-    return notes
 
 
 def row_ranges(rows: NDArray[np.intp]) -> str:

@@ -217,11 +217,10 @@ def plain_wall(depth_mm: Image) -> PlainWall:
 
 
 def _of_wall(depth_mm: Image, stated: OctAcquisition, course: Course | None, *, precise: bool) -> tuple[Doubt, ...]:
-    plain, tolerance = plain_wall(depth_mm), ODD_PLAIN_SHARE
-    drilled = precise and plain.share >= LEAST_PLAIN
-    beyond_mm = plain.beyond_mm if drilled else float(np.median(depth_mm))
-    if not drilled:
-        tolerance = ODD_WALL_SHARE
+    plain = plain_wall(depth_mm)
+    beyond_mm, tolerance = float(np.median(depth_mm)), ODD_WALL_SHARE
+    if precise and plain.share >= LEAST_PLAIN:
+        beyond_mm, tolerance = plain.beyond_mm, ODD_PLAIN_SHARE
     if abs(beyond_mm) <= tolerance * stated.bore_radius_mm:
         return ()
     measured_mm = stated.bore_diameter_mm + 2 * beyond_mm

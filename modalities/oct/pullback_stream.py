@@ -76,7 +76,8 @@ class Pullback:
         if acquisition.positions_mm is None:
             along_mm, self._on_places = positions_along(self._stack.along, acquisition.pullback_pitch_mm)
             acquisition = acquisition.model_copy(update={"positions_mm": along_mm})
-        self._acquisition = acquisition
+        self.acquisition: OctAcquisition = acquisition
+        """The checked sidecar."""
         shape = self._stack.frame_shape
         if len(shape) != 2 or shape[0] < LEAST_DEPTH or shape[1] < LEAST_ASCANS:
             raise EndoctError(
@@ -85,12 +86,11 @@ class Pullback:
                 expected=f"grey pages of (depth, A-scan), at least {LEAST_DEPTH} × {LEAST_ASCANS}",
                 remedy="export the pullback as one page a slice, depth downward, one turn from left to right",
             )
-        gap_mm = (acquisition.bore_diameter_mm - acquisition.capillary_outer_diameter_mm) / 2
         depth_mm = shape[0] * acquisition.mm_per_px
-        if gap_mm > FARTHEST_WALL * depth_mm:
+        if acquisition.gap_mm > FARTHEST_WALL * depth_mm:
             raise EndoctError(
                 f"the bore's wall lies far beyond what the B-scans of {path} show",
-                found=f"{gap_mm:.3g} mm from capillary to wall, B-scans {depth_mm:.3g} mm deep",
+                found=f"{acquisition.gap_mm:.3g} mm from capillary to wall, B-scans {depth_mm:.3g} mm deep",
                 remedy="check axial_pixel_mm and the diameters in the sidecar",
             )
         self.z_mm: Coordinates = inward_positions_mm(
@@ -107,11 +107,6 @@ class Pullback:
                 found=f"slices {together[0]} and {together[1]}, counted from 0",
                 remedy="correct positions_mm",
             )
-
-    @property
-    def acquisition(self) -> OctAcquisition:
-        """The checked sidecar."""
-        return self._acquisition
 
     @property
     def remarks(self) -> Remarks:

@@ -25,7 +25,8 @@ from endoct.modalities.oct.parameters import OctParameters
 from endoct.modalities.oct.surface.fixed_lines import FixedLines, find_fixed_lines
 from endoct.modalities.oct.surface.levels import measure_floor, measure_levels
 from endoct.modalities.oct.surface.trust import measure_raw_levels
-from endoct.modalities.oct.turning.uneven_turn import correct_starts, correct_uneven_turns, nominal_turns
+from endoct.modalities.oct.turning.rotation import even_rotation
+from endoct.modalities.oct.turning.uneven_turn import Turns, correct_starts, correct_uneven_turns
 from endoct.stitching.grid import SurfaceGrid
 
 
@@ -58,7 +59,7 @@ def survey_pullback(stream: FrameStream, parameters: OctParameters) -> OctCalibr
         lines, (course, sines) = at_once(
             seek_lines, lambda: (measure_course(slices, faces, glass), fit_sines(slices, faces, parameters))
         )
-        turns = nominal_turns(slices, faces)
+        turns = Turns(slices, faces, even_rotation(len(slices)))
         turns = correct_uneven_turns(turns, glass, lines.excess > 0, acquisition, parameters)
         turns = correct_starts(turns, glass, acquisition, parameters)
         floor = measure_floor(turns.slices, turns.faces, lines.excess > 0, acquisition)

@@ -1,6 +1,7 @@
 """Calibration of an OCT by a pullback through a printed tube."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from endoct.modalities.oct.tube_fit import (
     at_surface,
     first_sample_mm,
     late_mm,
-    refined,
 )
 from endoct.modalities.oct.tube_marks import DEPTHS, HELICAL, Beams, examine_beams, find_marks
 from endoct.modalities.tube.fitting import TubeFit
@@ -69,7 +69,8 @@ def calibrate_pullback(stream: FrameStream, parameters: OctParameters, target: T
     for _ in range(2):
         model = TubeModel(beams, find_marks(beams, pose, target), target, pose)
         fit = model.fit(capillary_mm)
-        pose = refined(pose, fit)
+        z_mm, scale, theta_rad = map(float, fit.values[[Z, PITCH, THETA]])
+        pose = replace(pose, z_mm=z_mm, scale=scale, theta_rad=theta_rad)
     marks = at_surface(model.marks, late_mm(model, fit.values))
     model = TubeModel(beams, marks, target, pose)
     fit = model.fit(capillary_mm)

@@ -143,14 +143,6 @@ class TubeModel:
         return fit_model(self.distances_mm, start, *self.expected(capillary_sigma_mm), self.groups(), self.clusters())
 
 
-def refined(pose: TubePose, fit: TubeFit) -> TubePose:
-    """Return the pose that a fit gives."""
-    return TubePose(
-        float(fit.values[Z]), float(fit.values[PITCH]), pose.direction, float(fit.values[THETA]), pose.sense,
-        pose.correlation,
-    )  # fmt: skip
-
-
 def first_sample_mm(values: Coordinates, calibration: OctCalibration) -> Coordinates:
     """Return the optical path from the catheter's axis to depth sample 0, by the capillary's face, float64 (1,)."""
     scale, faces, index = math.exp(values[SCALE]), calibration.faces, calibration.acquisition.medium_index

@@ -61,13 +61,8 @@ class Target(BaseModel):
     @property
     def ring_edges_mm(self) -> Coordinates:
         """z of the edges of the rings, float64 (4,), ascending."""
-        return np.array(
-            [
-                z + side * width / 2
-                for z, width in zip(self.ring_z_mm, self.ring_width_mm, strict=True)
-                for side in (-1, 1)
-            ]
-        )
+        middle, width = np.array(self.ring_z_mm)[:, None], np.array(self.ring_width_mm)[:, None]
+        return np.asarray(middle + width * [-0.5, 0.5]).ravel()
 
     @property
     def stretch_sigma(self) -> float:

@@ -197,25 +197,19 @@ def near(all_: Cavities, cell: Indices, origin: Numbers, direction: Numbers, dty
         x, y, z = (all_.axes[:, row, axis][cell] for axis in range(3))
         at.append((_dot((x, y, z), origin) - all_.offset[:, row][cell]).astype(dtype))
         rate.append(_dot((x, y, z), direction).astype(dtype))
-    power, closed = all_.power[cell].astype(dtype), all_.closed[cell].astype(dtype)
+    names = "power", "closed", "across", "along", "edge", "bulge", "dust"
+    own = {name: getattr(all_, name)[cell].astype(dtype) for name in names}
     grows = all_.steepest[cell].astype(dtype) * np.sqrt(rate[0] * rate[0] + rate[1] * rate[1])
-    sinks = np.maximum(rate[2], -closed * rate[2])
-    dust = all_.dust[cell].astype(dtype)
+    sinks = np.maximum(rate[2], -own["closed"] * rate[2])
     return Near(
         **dict(zip(("u", "v", "w"), at, strict=True)),
         **dict(zip(("du", "dv", "dw"), rate, strict=True)),
         cell=cell,
         grows=grows,
         sinks=sinks,
-        fastest=_parts(grows, sinks, power)[0],
-        power=power,
-        closed=closed,
-        across=all_.across[cell].astype(dtype),
-        along=all_.along[cell].astype(dtype),
-        edge=all_.edge[cell].astype(dtype),
-        bulge=all_.bulge[cell].astype(dtype),
-        dust=dust,
-        dusty=bool(np.isfinite(dust).any()),
+        fastest=_parts(grows, sinks, own["power"])[0],
+        dusty=bool(np.isfinite(own["dust"]).any()),
+        **own,
     )
 
 

@@ -5,7 +5,6 @@ Light on the sensor becomes the stored image by noise, saturation, gamma, 8 bits
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -78,11 +77,6 @@ def png(frame: NDArray[np.uint8]) -> bytes:
     if not done:
         raise EndoctError("a frame could not be encoded as PNG", found=f"{frame.dtype} {frame.shape}")
     return np.asarray(data, dtype=np.uint8).tobytes()
-
-
-def write_png(path: Path, frame: NDArray[np.uint8]) -> None:
-    """Write a frame as ``path``."""
-    path.write_bytes(png(frame))
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates, Image
 from endoct.base.compute.parallel import Advance, thread_map
 from endoct.base.numeric.circle import mean_angle_rad
 from endoct.base.zarr.zarr_store import consolidate
-from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, write_png
+from endoct.synthetic.endoscope.camera import PixelMaps, noise_free, pixel_maps, png
 from endoct.synthetic.labels.pullback_labels import Pullback, create, look_along, write_oct_labels
 from endoct.synthetic.model import Model
 from endoct.synthetic.sample.presets import PRESETS
@@ -117,7 +117,7 @@ def write_endoscope_labels(
         }  # fmt: skip
         for name, value in values.items():
             arrays[name][i] = value
-        write_png(twins / f"frame_{i:04d}.png", twin)
+        (twins / f"frame_{i:04d}.png").write_bytes(png(twin))
         per_cell += np.bincount(view.cell[view.valid & ~view.obscured], minlength=per_cell.size)
         advance((i + 1) / n_frames)
     consolidate(folder / "endoscope.zarr")

@@ -163,19 +163,16 @@ def _remove(folder: Path) -> None:
     """Remove a checkpoint. Raises :class:`EndoctError`, and removes nothing, where the folder holds anything else."""
     if not os.path.lexists(folder):
         return
-    if folder.is_symlink() or not folder.is_dir():
-        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
-    clear_dead_scratch(folder)
-    files = sorted(folder.iterdir())
-    if files and not (folder / RUN).is_file():
-        raise EndoctError(f"{folder} is no folder that endoct made", remedy="move it away, or choose another output")
-    others = [path.name for path in files if not (path.is_file() and _OWN_NAME.fullmatch(path.name))]
-    if others:
-        raise EndoctError(
-            f"{folder} holds what endoct did not write",
-            found=", ".join(others[:3]),
-            remedy="move it away, or choose another output",
-        )
+    files, remedy = [], "move it away, or choose another output"
+    is_folder = folder.is_dir() and not folder.is_symlink()
+    if is_folder:
+        clear_dead_scratch(folder)
+        files = sorted(folder.iterdir())
+    if not is_folder or (files and not (folder / RUN).is_file()):
+        raise EndoctError(f"{folder} is no folder that endoct made", remedy=remedy)
+    if others := [path.name for path in files if not (path.is_file() and _OWN_NAME.fullmatch(path.name))]:
+        found = ", ".join(others[:3])
+        raise EndoctError(f"{folder} holds what endoct did not write", found=found, remedy=remedy)
     for path in files:
         path.unlink()
     folder.rmdir()

@@ -19,13 +19,12 @@ from endoct.workbench.bench.results.result_tables import (
     footnotes,
     table,
     write_csv,
-    write_json,
 )
 from endoct.workbench.bench.results.score_summary import differences, score_names
 from endoct.workbench.bench.runner import BenchPlan, MethodResult, narrowed, parse_seeds, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, method_names, origin, task_names
 from endoct.workbench.requests import BenchRequest, by_request
-from endoct.workbench.running.outputs import BENCH_RESULTS
+from endoct.workbench.running.outputs import BENCH_RESULTS, json_text
 from endoct.workbench.running.progress import Stages, stages_for
 from endoct.workbench.settings import listed_names, range_text
 
@@ -109,7 +108,7 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
     with new_output(output, BENCH_RESULTS, overwrite=overwrite, inputs=data) as scratch:
         scratch.mkdir()
         write_csv(rows, task, scratch / "results.csv")
-        write_json(facts, scratch / "bench.json")
+        (scratch / "bench.json").write_text(json_text(facts) + "\n", encoding="utf-8")
         with stages.stage("plots"):
             draw_plots(rows, task, scratch / "plots")
     checkpoint.remove()

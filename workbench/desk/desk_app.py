@@ -51,7 +51,6 @@ from endoct.workbench.report.manual import words_json
 MOST_THREADS = 6
 """Enough that a thumbnail, a preview and a large folder do not keep the queue waiting."""
 REPORT_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-POSTED = "what the page sent"
 MOST_PARTS = 12
 """Of the path of a dropped file: as deep as folders are looked through, and more."""
 
@@ -244,7 +243,7 @@ def _posted(act: Act) -> Answer:
         data = await posted_json(request)
         if isinstance(data, Response):
             return data
-        return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data, POSTED))), request)
+        return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data))), request)
 
     return answered
 

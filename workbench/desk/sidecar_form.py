@@ -148,7 +148,7 @@ class SidecarForm:
         for key, field in model.model_fields.items():
             if key == "modality":
                 continue
-            low, high = field_limits(model, key)
+            low, high = field_limits(model, [key])
             default = field.get_default()
             yield {
                 "key": key,

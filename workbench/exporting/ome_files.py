@@ -223,7 +223,9 @@ def _write_tiff(
             own: dict[str, Any] = {"subfiletype": 1}
             cut: dict[str, Any] = {"data": _pages(rows(level), level.shape[0]), "rowsperstrip": STRIP_ROWS}
             if k == 0:
-                described = {"UUID": _identifier(source, names), **_tiff_metadata(names, source.grid, source.title)}
+                # of the same the same, without the time and the machine's number
+                identifier = uuid5(NAMESPACE_URL, f"endoct:{output_digest(source.folder)}:{names}")
+                described = {"UUID": f"urn:uuid:{identifier}", **_tiff_metadata(names, source.grid, source.title)}
                 own = {"subifds": len(levels) - 1, "software": f"endoct {BLANK}", "metadata": described}
             if len(levels) > 1:
                 cut = {"data": _tiles(rows(level), level.shape[1]), "tile": (TILE_PX, TILE_PX)}
@@ -240,11 +242,6 @@ def _write_tiff(
     mark(path)
     step_mm, shape = list(levels[0].step_mm(source.grid)), [len(names), *source.grid.shape]
     return {"channels": names, "shape": shape, "step_mm": step_mm, "levels": len(levels)}
-
-
-def _identifier(source: Exportable, names: Sequence[str]) -> str:
-    """Return the UUID that OME wants of a file: of the same the same, without the time and the machine's number."""
-    return f"urn:uuid:{uuid5(NAMESPACE_URL, f'endoct:{output_digest(source.folder)}:{names}')}"
 
 
 def _pages(rows: Iterator[NDArray[Any]], n_rows: int) -> Iterator[NDArray[Any]]:

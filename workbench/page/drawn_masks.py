@@ -40,7 +40,6 @@ from endoct.workbench.page.saved_masks import NAME, flooded, read_saved, saved_n
 KIND = "mask"
 CELLS = "cells"
 """The ground that stands for the cells that were segmented on the side."""
-POSTED = "what the page sent"
 TOLERANCE_MM = 0.1
 """By which outlines are judged where a comparison does not say."""
 MOST_SHAPES, MOST_POINTS = 5000, 20_000
@@ -108,7 +107,7 @@ class DrawnMasks:
         Raises :class:`EndoctError` where there is none, or it cannot be placed.
         """
         self.origin.check_present()
-        posted = object_in(data, POSTED)
+        posted = object_in(data)
         side, name = self._side(posted), posted.get("mask")
         stated = (self.outline.result.parameters.get("compare") or {}).get("tolerance_mm")
         tolerance_mm = float(stated) if isinstance(stated, int | float) else TOLERANCE_MM
@@ -124,7 +123,7 @@ class DrawnMasks:
 
     def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
         self.origin.check_present()
-        posted = object_in(data, POSTED)
+        posted = object_in(data)
         side = self._side(posted)
         shapes, ground = shapes_from(posted.get("shapes")), self._ground(side, posted)
         return side, painted(shapes, self.sides[side].grid, ground), posted

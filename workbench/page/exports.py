@@ -26,7 +26,6 @@ from endoct.workbench.requests import ExportRequest, OmeVersion
 from endoct.workbench.running.refusals import with_flags
 from endoct.workbench.running.scheduler import Named, scheduler
 
-POSTED = "what the page sent"
 ABOUT = {
     "color": "colour", "side": "side", "vertex_mm": "distance of vertices, mm", "voxel_mm": "size of voxels, mm",
     "version": "version of OME-Zarr", "inverse": "from A to B",
@@ -112,7 +111,7 @@ class Exports:
     def _request(self, data: bytes) -> ExportRequest:
         """Return what was posted. Raises :class:`EndoctError` for nonsense, :class:`Gone` where the output is gone."""
         self.origin.check_present()
-        posted = object_in(data, POSTED)
+        posted = object_in(data)
         name, options = posted.get("format"), posted.get("options")
         if not isinstance(name, str) or name not in FORMATS:
             raise EndoctError("there is no such format", found=repr(name)[:40], expected=", ".join(FORMATS))

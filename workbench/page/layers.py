@@ -236,11 +236,6 @@ def _cells(
     return Described(Classes((plane,), colours), _classes_part(key, title, side, classes, plane, wall))
 
 
-def is_drawn_key(key: str) -> bool:
-    """Say whether a layer is a mask drawn by hand."""
-    return key.startswith(DRAWN)
-
-
 def _images(
     folder: Path, outline: ComparisonOutline, panorama: PanoramaOutline, k: int, wall: TileWall, cache: ChunkCache
 ) -> Iterator[tuple[str, Plane]]:

@@ -32,13 +32,13 @@ from endoct.workbench.page.layers import (
     CELLS,
     CONTRADICTIONS,
     DIFFERENCE,
+    DRAWN,
     RING_COLOUR,
     WALL,
     Classes,
     Described,
     comparison_layers,
     hex_of,
-    is_drawn_key,
     panorama_layers,
     rings,
     wall_of,
@@ -180,7 +180,7 @@ def _outlines(described: Iterable[Described], frame_of: str) -> Iterator[Outline
         if one.part.key == f"{WALL}-{CELLS}":
             yield OutlinePart(one.part.key, frame_of, WALL, one.part.classes[-1].colour, is_drawn=True)
         elif one.part.key != DIFFERENCE and isinstance(one.layer, Classes) and one.part.side is not None:
-            side, colour, is_drawn = one.part.side, one.part.classes[-1].colour, is_drawn_key(one.part.key)
+            side, colour, is_drawn = one.part.side, one.part.classes[-1].colour, one.part.key.startswith(DRAWN)
             title = one.part.title if is_drawn else side
             yield OutlinePart(one.part.key, side, title, colour, is_drawn)
 

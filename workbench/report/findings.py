@@ -84,12 +84,8 @@ def both_sides(
     return BothSides(grid, (a, b), aligned)
 
 
-def overlaps_of(result: Result) -> tuple[NamedOverlap, ...]:
-    """Return every overlap that was scored: of the two sides, and with masks given as truth."""
-    return tuple(_overlaps(result))
-
-
-def _overlaps(result: Result) -> Iterator[NamedOverlap]:
+def overlaps_of(result: Result) -> Iterator[NamedOverlap]:
+    """Yield every overlap that was scored: of the two sides, and with masks given as truth."""
     if on_grid := result.overlap:
         yield NamedOverlap(result.sides, "on the common grid", on_grid)
         if own_rows := result.scores.own_rows if result.scores else None:

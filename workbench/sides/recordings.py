@@ -22,6 +22,7 @@ from endoct.modalities.contract import (
     Modality,
     ParallaxModality,
     ReadingOnce,
+    StreamOver,
 )
 from endoct.modalities.reading.remarks import remarks_of
 from endoct.modalities.recognition import recognise
@@ -56,24 +57,16 @@ class Unrolled:
     calibration: Calibration
 
 
-class Watched:
+class Watched(StreamOver):
     """A stream that reports the share of it that has been read."""
 
     def __init__(self, stream: FrameStream, advance: Advance) -> None:
-        self._stream, self._advance, self._read = stream, advance, 0
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """How the frames were acquired."""
-        return self._stream.acquisition
-
-    def __len__(self) -> int:
-        return len(self._stream)
+        self.stream, self._advance, self._read = stream, advance, 0
 
     def __getitem__(self, index: int) -> Frame:
-        frame = self._stream[index]
+        frame = self.stream[index]
         self._read += 1
-        self._advance(min(1.0, self._read / len(self._stream)))
+        self._advance(min(1.0, self._read / len(self.stream)))
         return frame
 
 

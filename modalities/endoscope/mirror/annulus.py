@@ -79,19 +79,9 @@ class Annulus:
 
     def scaled(self, factor: float) -> "Annulus":
         """Return the annulus in an image ``factor`` times as large; pixel centres are integers in both."""
-
-        def place(x: float) -> float:
-            return (x + 0.5) * factor - 0.5
-
-        return Annulus(
-            place(self.inner_x_px),
-            place(self.inner_y_px),
-            self.inner_px * factor,
-            place(self.outer_x_px),
-            place(self.outer_y_px),
-            self.outer_px * factor,
-            self.pixels,
-        )
+        names = "inner_x_px", "inner_y_px", "outer_x_px", "outer_y_px"
+        places = {name: (getattr(self, name) + 0.5) * factor - 0.5 for name in names}
+        return replace(self, inner_px=self.inner_px * factor, outer_px=self.outer_px * factor, **places)
 
     def moved(self, dx_px: float, dy_px: float) -> "Annulus":
         """Return the annulus moved in the image."""

@@ -46,17 +46,31 @@ class Circle:
 
 
 @dataclass(frozen=True, eq=False)
-class Capillary:
-    """The capillary's outer face in every slice: one :class:`Circle` each, all of one radius.
-
-    Attributes: ``x_mm``, ``y_mm`` and ``axis_depth_mm``, float64 (n_slices,), NaN where not known; ``radius_mm``, the
-    capillary's outer radius.
-    """
+class Circles:
+    """Several circles, all of one radius: ``x_mm``, ``y_mm``, ``axis_depth_mm``, float64 (n,), see :class:`Circle`."""
 
     x_mm: Coordinates
     y_mm: Coordinates
     axis_depth_mm: Coordinates
     radius_mm: float
+
+    def __len__(self) -> int:
+        return self.x_mm.size
+
+    @property
+    def offset_mm(self) -> Coordinates:
+        """Distance of the catheter from each circle's axis, float64 (n,), mm."""
+        return np.hypot(self.x_mm, self.y_mm)
+
+    def circle(self, index: int) -> Circle:
+        """Return one of the circles."""
+        x, y, depth = (float(values[index]) for values in (self.x_mm, self.y_mm, self.axis_depth_mm))
+        return Circle(x, y, depth, self.radius_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class Capillary(Circles):
+    """The capillary's outer face: a circle of its outer radius in every slice, NaN where that is not known."""
 
     @classmethod
     def of(cls, circles: Sequence[Circle | None], radius_mm: float) -> "Capillary":
@@ -66,28 +80,15 @@ class Capillary:
         x, y, depth = np.array(rows, dtype=np.float64).reshape(-1, 3).T.copy()
         return cls(x, y, depth, radius_mm)
 
-    def __len__(self) -> int:
-        return self.x_mm.size
-
     @property
     def known(self) -> Mask:
         """Whether there is a circle, bool (n_slices,)."""
         return np.isfinite(self.x_mm)
 
     @property
-    def offset_mm(self) -> Coordinates:
-        """Distance of the catheter from the axis, float64 (n_slices,), mm."""
-        return np.hypot(self.x_mm, self.y_mm)
-
-    @property
     def direction_rad(self) -> Coordinates:
         """Direction of the catheter's offset in the frame of each slice, float64 (n_slices,), rad."""
         return np.arctan2(self.y_mm, self.x_mm)
-
-    def circle(self, index: int) -> Circle:
-        """Return the circle of one slice."""
-        x, y, depth = (float(values[index]) for values in (self.x_mm, self.y_mm, self.axis_depth_mm))
-        return Circle(x, y, depth, self.radius_mm)
 
     def where(self, good: Mask) -> "Capillary":
         """Return the same circles, NaN in slices that are not ``good``, bool (n_slices,)."""

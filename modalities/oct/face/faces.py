@@ -158,10 +158,8 @@ def steady_slices(capillary: Capillary, free: bool) -> Mask:
     Where turns start anywhere (``free``), only how far off the axis they are can be compared.
     """
     steady = capillary.known.copy()
-    if free:
-        places = np.stack([capillary.offset_mm, np.zeros(len(capillary))], axis=1)
-    else:
-        places = np.stack([capillary.x_mm, capillary.y_mm], axis=1)
+    aside = (capillary.offset_mm, np.zeros(len(capillary))) if free else (capillary.x_mm, capillary.y_mm)
+    places = np.stack(aside, axis=1)
     for i in range(len(places)):
         before, after = places[max(0, i - REACH) : i], places[i + 1 : i + 1 + REACH]
         before, after = before[np.isfinite(before[:, 0])], after[np.isfinite(after[:, 0])]

@@ -16,7 +16,7 @@ from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.compute.compiled import compiled
 from endoct.base.numeric.least_squares import solve
 from endoct.modalities.oct.bscan import Raster
-from endoct.modalities.oct.face.face_circle import Circle
+from endoct.modalities.oct.face.face_circle import Circle, Circles
 from endoct.modalities.oct.face.points import Points
 
 MOST_LINES = 10
@@ -27,25 +27,13 @@ LEAST_POINTS = 30
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
-    """Lines of one slice or of several, as circles of one radius.
+class Lines(Circles):
+    """Lines of one slice or of several, as circles.
 
-    Attributes: ``x_mm``, ``y_mm``, ``axis_depth_mm``, float64 (n,), see :class:`Circle`; ``support``, float64 (n,), the
-    mean strength of the points on each line over all columns; ``radius_mm``.
+    ``support``, float64 (n,): the mean strength of the points on each line over all columns.
     """
 
-    x_mm: Coordinates
-    y_mm: Coordinates
-    axis_depth_mm: Coordinates
     support: Coordinates
-    radius_mm: float
-
-    @classmethod
-    def of(cls, circles: Sequence[Circle], support: Sequence[float], radius_mm: float) -> "Lines":
-        """Return the lines of ``circles`` with their ``support``."""
-        rows = [(circle.x_mm, circle.y_mm, circle.axis_depth_mm) for circle in circles]
-        x, y, depth = np.array(rows, dtype=np.float64).reshape(-1, 3).T.copy()
-        return cls(x, y, depth, np.array(support, dtype=np.float64), radius_mm)
 
     @classmethod
     def together(cls, several: Sequence["Lines"]) -> "Lines":
@@ -54,25 +42,13 @@ class Lines:
             np.concatenate([lines.x_mm for lines in several]),
             np.concatenate([lines.y_mm for lines in several]),
             np.concatenate([lines.axis_depth_mm for lines in several]),
-            np.concatenate([lines.support for lines in several]),
             several[0].radius_mm,
+            np.concatenate([lines.support for lines in several]),
         )
-
-    def __len__(self) -> int:
-        return self.support.size
-
-    @property
-    def offset_mm(self) -> Coordinates:
-        """Distance of the catheter from each line's axis, float64 (n,), mm."""
-        return np.hypot(self.x_mm, self.y_mm)
-
-    def circle(self, k: int) -> Circle:
-        """Return the circle of one line."""
-        return Circle(float(self.x_mm[k]), float(self.y_mm[k]), float(self.axis_depth_mm[k]), self.radius_mm)
 
     def where(self, good: Mask) -> "Lines":
         """Return the lines that are ``good``, bool (n,)."""
-        return Lines(self.x_mm[good], self.y_mm[good], self.axis_depth_mm[good], self.support[good], self.radius_mm)
+        return Lines(self.x_mm[good], self.y_mm[good], self.axis_depth_mm[good], self.radius_mm, self.support[good])
 
     def strongest_near(self, axis_depth_mm: float, within_mm: float) -> Circle | None:
         """Return the line of most support whose axis lies ``within_mm`` of ``axis_depth_mm``; None where none does."""
@@ -91,7 +67,8 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
     strength[column, np.minimum(row, n_rows - 1)] = points.strength
     circles = _circles_through_triples(points, column, angle_rad.size, radius_mm, trials, rng)
     if not circles.size:
-        return Lines.of([], [], radius_mm)
+        nothing = np.empty(0)
+        return Lines(nothing, nothing, nothing, radius_mm, nothing)
     scored = np.linspace(0, angle_rad.size, SCORED_COLUMNS, endpoint=False).astype(int)
     cosine, sine = np.cos(angle_rad[scored]), np.sin(angle_rad[scored])
     rows = _rows_of_circles(circles, cosine, sine, radius_mm, mm_per_px, n_rows)
@@ -105,7 +82,7 @@ def find_lines(points: Points, raster: Raster, radius_mm: float, trials: int, rn
         mm_per_px,
     )
     x, y, depth, support = found.T.copy()
-    return Lines(x, y, depth, support, radius_mm)
+    return Lines(x, y, depth, radius_mm, support)
 
 
 class _Beams(NamedTuple):

@@ -6,8 +6,10 @@ A file of samples next to a chirp looks like raw spectra before a sidecar says s
 import re
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.errors import EndoctError
@@ -105,26 +107,16 @@ def seems_spectra(path: Path) -> str | None:
 
 
 def _chirp_length(file: Path) -> int:
-    """Return for how many samples the file is a chirp, 0 where it is none."""
+    """Return for how many samples the file is a chirp, with a number a line where it is text; 0 where it is none."""
     data = read_start(file, _MOST_BYTES)
-    if is_text(data):
-        return _text_length(data, file)
-    for itemsize, kind in ((8, "<f8"), (4, "<f4")):
-        n = len(data) // itemsize
-        if len(data) % itemsize == 0 and LEAST_SAMPLES <= n <= MOST_SAMPLES and _rises(np.frombuffer(data, kind)):
-            return n
-    return 0
-
-
-def _text_length(data: bytes, file: Path) -> int:
-    """Return for how many samples a text with a number a line is a chirp, 0 where it is none."""
-    if len(data) == _MOST_BYTES:
-        return 0
-    try:
-        values = numbers_of(data, file)
-    except EndoctError:
-        return 0
-    return values.size if LEAST_SAMPLES <= values.size <= MOST_SAMPLES and _rises(values) else 0
+    readings: list[NDArray[Any]] = []
+    if not is_text(data):
+        kinds = [(8, "<f8"), (4, "<f4")]
+        readings = [np.frombuffer(data, kind) for itemsize, kind in kinds if len(data) % itemsize == 0]
+    elif len(data) < _MOST_BYTES:
+        with suppress(EndoctError):
+            readings = [numbers_of(data, file)]
+    return next((each.size for each in readings if LEAST_SAMPLES <= each.size <= MOST_SAMPLES and _rises(each)), 0)
 
 
 @np.errstate(invalid="ignore", over="ignore")

@@ -221,11 +221,6 @@ class Turns:
     notes: tuple[str, ...] = ()
 
 
-def nominal_turns(slices: Sequence[SliceFeatures], faces: Faces) -> Turns:
-    """Return turns as A-scans are counted: even, complete and starting at one angle."""
-    return Turns(slices, faces, even_rotation(len(slices)))
-
-
 def correct_uneven_turns(
     turns: Turns, glass: Glass, fixed_rows: Mask, acquisition: OctAcquisition, parameters: OctParameters
 ) -> Turns:

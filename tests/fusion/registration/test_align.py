@@ -23,7 +23,7 @@ from endoct.fusion.registration.align import (
     align,
     align_sides,
     find_place,
-    open_orientations,
+    orientations_of,
 )
 from endoct.fusion.registration.instruments import corrected_for_instruments
 from endoct.stitching.panorama import Panorama
@@ -53,10 +53,14 @@ def test_the_mapping_by_hand() -> None:
     assert there.z_to_a(4.0) == pytest.approx(8.0)
 
 
-def test_what_is_known_is_not_searched() -> None:
-    assert open_orientations(handedness_known=True, travel_known=True) == ((False, False),)
-    assert set(open_orientations(handedness_known=False, travel_known=True)) == {(False, False), (True, False)}
-    assert len(open_orientations(handedness_known=True, travel_known=False)) == 4
+def test_what_is_known_is_not_searched(pair: Pair) -> None:
+    whole, turning, moving = (
+        replace(pair.a, handedness_known=handed, travel_known=directed)
+        for handed, directed in ((True, True), (False, True), (True, False))
+    )
+    assert orientations_of(whole, whole) == ((False, False),)
+    assert set(orientations_of(whole, turning)) == {(False, False), (True, False)}
+    assert len(orientations_of(moving, whole)) == 4
 
 
 def assert_found(pair: Pair, found: Alignment | NotAligned) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from endoct.fusion.scoring.overlap import Surface, agreement, difference, find_sites, jaccard, strata
+from endoct.fusion.scoring.overlap import Surface, agreement, difference, find_sites, jaccard, overlap, strata
 
 A = np.array([[1, 1, 0, 0], [1, 0, 0, 1]], np.bool_)
 B = np.array([[1, 0, 1, 0], [1, 0, 0, 1]], np.bool_)
@@ -18,7 +18,7 @@ def test_by_hand() -> None:
     assert (found.both, found.only_a, found.only_b, found.neither) == (2, 1, 1, 3)
     assert found.jaccard == pytest.approx(2 / 4)
     assert found.dice == pytest.approx(4 / 6)
-    stated = found.overlap(sites=2, jaccard_interval=None, dice_interval=None, jaccard_without_two=None)
+    stated = overlap(Surface("a", A, SEEN), Surface("b", B, SEEN), find_sites(A, B, SEEN, 0.5))
     assert (stated.jaccard, stated.dice) == pytest.approx((0.5, 2 / 3))
     areas = stated.both_mm2, stated.only_a_mm2, stated.only_b_mm2, stated.neither_mm2
     assert areas == pytest.approx((1.0, 0.5, 0.5, 1.5))

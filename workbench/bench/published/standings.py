@@ -20,8 +20,8 @@ from endoct.workbench.bench.published.definition import (
     load_definition,
     planned,
 )
-from endoct.workbench.bench.published.submission import Scored, Submission, digest_of, read_submission
-from endoct.workbench.bench.published.submitted import MOST_METHODS, OURS, check_credible
+from endoct.workbench.bench.published.submission import digest_of, read_submission
+from endoct.workbench.bench.published.submitted import MOST_METHODS, OURS, Scored, Submission, check_credible
 from endoct.workbench.bench.results.score_summary import Share, share
 from endoct.workbench.bench.task import SUCCESS, load_task
 

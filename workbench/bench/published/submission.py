@@ -20,9 +20,7 @@ from endoct.workbench.bench.checkpoint import machine, open_checkpoint, source_d
 from endoct.workbench.bench.program import with_programs
 from endoct.workbench.bench.published.definition import load_definition
 from endoct.workbench.bench.published.specimen_set import Entry, SpecimenSet, check_specimen, read_finished_set
-from endoct.workbench.bench.published.submitted import FORMAT
-from endoct.workbench.bench.published.submitted import Scored as Scored  # part of what this module offers
-from endoct.workbench.bench.published.submitted import Submission as Submission
+from endoct.workbench.bench.published.submitted import FORMAT, Scored, Submission
 from endoct.workbench.bench.runner import BenchPlan, MethodResult, run
 from endoct.workbench.bench.task import AnyTask, check_names, load_task, origin
 from endoct.workbench.running.outputs import SUBMISSION, versions

@@ -13,7 +13,6 @@ from endoct.workbench.bench.checkpoint import Facts, machine, plan_facts
 from endoct.workbench.bench.results.score_summary import Difference, Share, Spread, score_names, summarise
 from endoct.workbench.bench.runner import BenchPlan, MethodResult
 from endoct.workbench.bench.task import SUCCESS, AnyTask, load_task
-from endoct.workbench.running.outputs import json_text
 
 MOST_COLUMNS = 5
 """Scores in the table of results; the CSV has all."""
@@ -112,8 +111,3 @@ def bench_facts(plan: BenchPlan, rows: Sequence[MethodResult], *, workers: int, 
         "workers": workers,
         "machine": machine(),
     }
-
-
-def write_json(facts: Facts, path: Path) -> None:
-    """Write ``bench.json``."""
-    path.write_text(json_text(facts) + "\n", encoding="utf-8")

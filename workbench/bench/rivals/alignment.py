@@ -17,8 +17,8 @@ from skimage.registration import phase_cross_correlation
 from endoct.base.arrays import Coordinates, Image
 from endoct.fusion.evidence.evidence import Evidence, clipped, on_grid, prepare, reoriented
 from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
+from endoct.fusion.registration.align import orientations_of
 from endoct.stitching.panorama import Panorama
-from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SLOW_PX = 4
 """Methods that would otherwise take minutes get pixels as large as this many samples of A."""
@@ -202,7 +202,7 @@ def best_of(a: Panorama, b: Panorama, method: Method, px: int = 1) -> Alignment 
     """Return the alignment that correlates best of all that ``method`` yields in the orientations that are open."""
     prepared = clipped(prepare(a)), clipped(prepare(b))
     candidates: list[tuple[float, Alignment]] = []
-    for orientation in orientations_between(a, b):
+    for orientation in orientations_of(a, b):
         flat = flat_of(*prepared, orientation, px)
         candidates += [(flat.correlation(matrix), flat.place(matrix)) for matrix in method(flat)]
     if not candidates:

@@ -5,9 +5,9 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.numeric.circle import masked_gaussian
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.registration.align import orientations_of
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.depth import optical_flow
-from endoct.workbench.bench.tasks.alignment import orientations_between
 from endoct.workbench.bench.tasks.depth import Views
 
 STEP_MM = 0.04
@@ -32,7 +32,7 @@ def fft_correlation(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     n_z = 2 * max(len(image_a), round((b.z_mm[-1] - b.z_mm[0]) * SCALES[-1] / STEP_MM) + 1)
     spectrum = np.fft.rfft2(image_a, (n_z, N_AROUND))
     found: list[tuple[float, float, Alignment]] = []
-    for mirrored, reversed_ in orientations_between(a, b):
+    for mirrored, reversed_ in orientations_of(a, b):
         tried: list[tuple[float, float, Alignment]] = []
         for scale in SCALES.tolist():
             image_b = _evidence(b, scale, mirrored, reversed_)

@@ -16,10 +16,10 @@ import numpy as np
 from endoct.base.arrays import Coordinates
 from endoct.fusion.evidence.evidence import clipped, prepare
 from endoct.fusion.geometry.alignment import Alignment, NotAligned
+from endoct.fusion.registration.align import orientations_of
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.rivals.alignment import Flat, by_information, descended, flat_of, one_itk_thread
 from endoct.workbench.bench.task import NotInstalled
-from endoct.workbench.bench.tasks.alignment import orientations_between
 
 SEARCHED_PX, SEARCHED_STEPS = 16, 2
 """Pixels of the search, in samples of A, and how many of them lie between two places that are tried."""
@@ -58,7 +58,7 @@ def _searched(a: Panorama, b: Panorama, refine: Refine) -> Alignment | NotAligne
     """Return the place that ``refine`` makes of the best one found in any orientation, at finer and finer pixels."""
     sides = clipped(prepare(a)), clipped(prepare(b))
     found = []
-    for orientation in orientations_between(a, b):
+    for orientation in orientations_of(a, b):
         information, x, y = _best_place(flat_of(*sides, orientation, SEARCHED_PX))
         found.append((information, x, y, orientation))
     information, x, y, orientation = max(found)

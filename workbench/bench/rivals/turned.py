@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.least_squares import harmonics
-from endoct.modalities.acquisition import Acquisition
-from endoct.modalities.contract import Frame, FrameStream
+from endoct.modalities.contract import Frame, FrameStream, StreamOver
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.running.progress import SilentStages
 from endoct.workbench.sides.recordings import open_recording, unroll_recording
@@ -42,18 +41,11 @@ def unrolled_as_turned(recording: Path, errors_of: Callable[[FrameStream], Coord
 
 
 @dataclass(frozen=True, eq=False)
-class _Straightened:
+class _Straightened(StreamOver):
     """A stream whose A-scans were moved to even angles; each angle shows the A-scan recorded nearest to it."""
 
     stream: FrameStream
     errors_rad: Coordinates
-
-    @property
-    def acquisition(self) -> Acquisition:
-        return self.stream.acquisition
-
-    def __len__(self) -> int:
-        return len(self.stream)
 
     def __getitem__(self, index: int) -> Frame:
         frame = self.stream[index]

@@ -18,9 +18,8 @@ from endoct.base.files.json_values import number
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
-from endoct.fusion.geometry.alignment import Alignment, NotAligned, Orientation
+from endoct.fusion.geometry.alignment import Alignment, NotAligned
 from endoct.fusion.parameters import CompareParameters
-from endoct.fusion.registration.align import open_orientations
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.cases.specimens import load_side
@@ -214,10 +213,3 @@ def ours(a: Panorama, b: Panorama) -> Alignment | NotAligned:
     """Align as a comparison does: by the evidence of both, and by the cells that a learned eye sees."""
     outcome = place_sides(*two_sides(a, b), CompareParameters()).outcome
     return outcome.alignment or NotAligned(outcome.reason, outcome.best)
-
-
-def orientations_between(a: Panorama, b: Panorama) -> tuple[Orientation, ...]:
-    """Return the orientations that are open between two panoramas, as what is known of both leaves them."""
-    return open_orientations(
-        handedness_known=a.handedness_known and b.handedness_known, travel_known=a.travel_known and b.travel_known
-    )

@@ -198,10 +198,6 @@ def _write_recording(recording: Path, folder: Path) -> None:
     write_given(folder, {"recording": str(copy.absolute())})
 
 
-def _write_answer(answer: Panorama, folder: Path) -> None:
-    save_panorama(answer, folder / STORE)
-
-
 def _read_panorama(recording: Path, folder: Path) -> Panorama:
     """Return the answer of a program as a panorama of the recording."""
     if (folder / STORE).is_dir():
@@ -256,7 +252,7 @@ TASK = Task(
     exchange=Exchange(
         write=_write_recording,
         read=_read_panorama,
-        answer=_write_answer,
+        answer=lambda answer, folder: save_panorama(answer, folder / STORE),
     ),
 )
 

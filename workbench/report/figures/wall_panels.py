@@ -96,7 +96,8 @@ def show_surface(
     rgba[..., 3] = np.where(valid, 255, 0)
     edges_deg = np.linspace(0.0, 360.0, grid.n_theta + 1)
     edges_mm = grid.z0_mm + grid.dz_mm * (np.arange(grid.n_z + 1) - 0.5)
-    turned = np.roll(rgba, _columns_to_zero(grid), axis=1)
+    to_zero = round(float(np.mod(grid.theta0_rad, 2 * math.pi)) / grid.dtheta_rad)
+    turned = np.roll(rgba, to_zero, axis=1)
     # the nearest sample of every pixel, as imshow has it too, which makes floats of all samples first
     axes.add_image(PcolorImage(axes, edges_deg, edges_mm, turned))
     return mapping
@@ -149,10 +150,6 @@ def colour_bar(axes: Axes, image: ScalarMappable, label: str) -> None:
 def not_observed_patch() -> Patch:
     """Return the legend's entry for samples that were not observed."""
     return Patch(facecolor=NOT_OBSERVED, edgecolor=HATCH, hatch="//////", label="not observed")
-
-
-def _columns_to_zero(grid: SurfaceGrid) -> int:
-    return round(float(np.mod(grid.theta0_rad, 2 * math.pi)) / grid.dtheta_rad)
 
 
 def _arc_scale(axes: Axes, grid: SurfaceGrid) -> None:

@@ -49,7 +49,7 @@ def lines_of(
         if line_row is not None:
             power[:, line_row : line_row + 4] += line_power
         level = (counts_per_db * 10 * np.log10(rng.exponential(1 + power))).astype(np.float32)
-        nothing = Lines.of([], [], CAPILLARY_MM)
+        nothing = Lines(**vars(Capillary.of([], CAPILLARY_MM)), support=np.empty(0))
         slices.append(SliceFeatures(Points.none(), N_ASCANS, nothing, level, ANGLE_RAD))
         circles.append(circle)
     faces = Faces(

@@ -49,7 +49,7 @@ def drawn_slice(error: Array, start: float, offset: complex, seed: int, *, sheat
     return SliceFeatures(
         points=Points(np.tile(NOMINAL, len(depths)), every, np.ones(every.size)),
         n_columns=N_COLUMNS,
-        lines=Lines.of(lines, [1.0] * len(lines), RADIUS_MM),
+        lines=Lines(**vars(Capillary.of(lines, RADIUS_MM)), support=np.ones(len(lines))),
         ascans=np.zeros((4, 600), np.float32),
         ascan_angle_rad=NOMINAL[::64],
     )

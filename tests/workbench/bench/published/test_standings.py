@@ -10,7 +10,8 @@ from published_sets import entry, scored, submission
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.checking import Receipt
 from endoct.workbench.bench.published.standings import TaskBoard, read_boards
-from endoct.workbench.bench.published.submission import Scored, digest_of, text_of
+from endoct.workbench.bench.published.submission import digest_of, text_of
+from endoct.workbench.bench.published.submitted import Scored
 
 pytestmark = pytest.mark.usefixtures("sets_of_any_size")
 NAMES = [f"s{k}" for k in range(8)]

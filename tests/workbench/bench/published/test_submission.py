@@ -10,14 +10,8 @@ from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.checking import Checked, Rerun, check, read_receipts
-from endoct.workbench.bench.published.submission import (
-    Scored,
-    Submission,
-    digest_of,
-    read_submission,
-    submit,
-    text_of,
-)
+from endoct.workbench.bench.published.submission import digest_of, read_submission, submit, text_of
+from endoct.workbench.bench.published.submitted import Scored, Submission
 from endoct.workbench.commands.published import check as check_command
 from endoct.workbench.running.progress import SilentStages
 
