@@ -3,7 +3,6 @@
 import hashlib
 import json
 import tomllib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +39,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @dataclass(frozen=True)
-class Told:
+class TinySpecimen:
     """A specimen of seed 3, made by one thread, and what was said of its progress."""
 
     folder: Path
@@ -54,12 +53,12 @@ class Told:
 
 
 @pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Told:
-    told = Told(tmp_path_factory.mktemp("tiny") / "one", [])
+def tiny_specimen(tmp_path_factory: pytest.TempPathFactory) -> TinySpecimen:
+    made = TinySpecimen(tmp_path_factory.mktemp("tiny") / "one", [])
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(PRESETS, "quick", TINY)  # type: ignore[index]
-        simulate(told.folder, seed=3, workers=1, on_progress=lambda stage, done: told.progress.append((stage, done)))
-    return told
+        simulate(made.folder, seed=3, workers=1, on_progress=lambda stage, done: made.progress.append((stage, done)))
+    return made
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -67,27 +66,29 @@ def digests(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def test_same_seed_gives_same_bytes_for_any_number_of_threads(tiny: None, one: Told, tmp_path: Path) -> None:
+def test_same_seed_gives_same_bytes_for_any_number_of_threads(
+    tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path
+) -> None:
     simulate(tmp_path / "three", seed=3, workers=3)
-    assert digests(one.folder) == digests(tmp_path / "three")
+    assert digests(tiny_specimen.folder) == digests(tmp_path / "three")
     simulate(tmp_path / "other", seed=4)
-    assert digests(one.folder)["oct/pullback.tif"] != digests(tmp_path / "other")["oct/pullback.tif"]
+    assert digests(tiny_specimen.folder)["oct/pullback.tif"] != digests(tmp_path / "other")["oct/pullback.tif"]
 
 
-def test_replaying_a_sample_gives_the_same_bytes(tiny: None, one: Told, tmp_path: Path) -> None:
-    simulate(tmp_path / "replayed", preset="paper", seed=99, sample=one.sample)
-    assert digests(one.folder) == digests(tmp_path / "replayed")
+def test_replaying_a_sample_gives_the_same_bytes(tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path) -> None:
+    simulate(tmp_path / "replayed", preset="paper", seed=99, sample=tiny_specimen.sample)
+    assert digests(tiny_specimen.folder) == digests(tmp_path / "replayed")
 
 
-def test_progress_of_every_stage_ends_at_one(one: Told) -> None:
-    assert [stage for stage, fraction in one.progress if fraction == 1.0] == ["wall", "oct", "endoscope"]
-    assert all(0 <= fraction <= 1 for _, fraction in one.progress)
+def test_progress_of_every_stage_ends_at_one(tiny_specimen: TinySpecimen) -> None:
+    assert [stage for stage, fraction in tiny_specimen.progress if fraction == 1.0] == ["wall", "oct", "endoscope"]
+    assert all(0 <= fraction <= 1 for _, fraction in tiny_specimen.progress)
 
 
 def test_a_sample_that_does_not_hold_together_is_refused_before_anything_is_written(
-    tiny: None, one: Told, tmp_path: Path
+    tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path
 ) -> None:
-    good = one.sample
+    good = tiny_specimen.sample
     for bad, named in (
         (good | {"oct": good["oct"] | {"offset_mm": [0.1]}}, "offset_mm"),
         (good | {"oct": good["oct"] | {"glass_mm": 3.0}}, "glass_mm"),
