@@ -47,6 +47,11 @@ def compared(pair: Pair) -> Comparison:
     return compare_panoramas(pair.a, pair.b)
 
 
+@pytest.fixture(scope="module")
+def coarsely(pair: Pair) -> Comparison:
+    return compare_panoramas(pair.a, pair.b, COARSE)
+
+
 def test_the_result(compared: Comparison, pair: Pair) -> None:
     result = json.loads(json.dumps(compared.result.to_json()))
     assert result["sides"] == ["camera", "ranger"]
@@ -163,8 +168,8 @@ def rolled(panorama: Panorama, columns: int) -> Panorama:
 
 @settings(max_examples=6)
 @given(columns=st.integers(1, 511))
-def test_rolling_both_rolls_the_answer_and_nothing_else(pair: Pair, columns: int) -> None:
-    before = compare_panoramas(pair.a, pair.b, COARSE)
+def test_rolling_both_rolls_the_answer_and_nothing_else(pair: Pair, coarsely: Comparison, columns: int) -> None:
+    before = coarsely
     after = compare_panoramas(rolled(pair.a, columns), rolled(pair.b, columns), COARSE)
     assert before.alignment is not None
     assert after.alignment is not None
@@ -214,7 +219,7 @@ def test_a_false_handedness_is_said_whichever_side_comes_first(
     pair = pair_of(1, mirrored=True, z_reversed=z_reversed)
     for travel_known in (False, True):
         sides = [replace(side, handedness_known=True, travel_known=travel_known) for side in (pair.a, pair.b)]
-        result = compare_panoramas(*(sides[::-1] if swapped else sides)).result
+        result = compare_panoramas(*(sides[::-1] if swapped else sides), COARSE).result
         if travel_known:
             assert result.reason is not None
             assert re.search("Mirrored .*they would align: check handedness", result.reason)

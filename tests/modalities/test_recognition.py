@@ -13,10 +13,10 @@ from endoct.modalities.recognition import CONTRADICTED, STATED, recognise
 
 
 @pytest.fixture
-def pullback(quick_specimen: Path, tmp_path: Path) -> Path:
+def pullback(small_specimen: Path, tmp_path: Path) -> Path:
     """A pullback whose sidecar cites a calibration, and says nothing of the plug-in."""
     folder = tmp_path / "oct"
-    shutil.copytree(quick_specimen / "oct", folder)
+    shutil.copytree(small_specimen / "oct", folder)
     lines = (folder / "acquisition.toml").read_text().splitlines()
     cited = [line for line in lines if line.startswith("axial_pixel_mm")]
     own = [line for line in lines if line not in cited and not line.startswith("modality")]
@@ -46,10 +46,10 @@ def test_what_a_sidecar_says_wins_over_what_files_state(pullback: Path, monkeypa
     assert recognised.keys["theta_origin_rad"] == 0.5
 
 
-def test_how_sure_it_is_depends_on_who_said_it(pullback: Path, quick_specimen: Path) -> None:
+def test_how_sure_it_is_depends_on_who_said_it(pullback: Path, small_specimen: Path) -> None:
     assert recognise(pullback).certainty == "likely"
     assert not recognise(pullback).says_modality
-    assert recognise(quick_specimen / "oct").certainty == STATED
+    assert recognise(small_specimen / "oct").certainty == STATED
     assert recognise(pullback, "oct").certainty == STATED
     assert recognise(pullback, "endoscope").certainty == CONTRADICTED
 

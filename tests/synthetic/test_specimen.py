@@ -3,7 +3,9 @@
 import hashlib
 import json
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -26,12 +28,37 @@ ENDOSCOPE_KEYS = {
 }  # fmt: skip
 
 
+TINY = Preset(n_slices=4, n_ascans=1000, ascans_per_column=2, n_frames=3, n_depth=512)
+"""A few frames, with an oversampled turn as `paper` has."""
+
+
 @pytest.fixture
-def tiny(monkeypatch: pytest.MonkeyPatch) -> Preset:
-    """A preset of a few frames in the place of `quick`, with an oversampled turn as `paper` has."""
-    preset = Preset(n_slices=4, n_ascans=1000, ascans_per_column=2, n_frames=3, n_depth=512)
-    monkeypatch.setitem(PRESETS, "quick", preset)  # type: ignore[index]
-    return preset
+def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A preset of a few frames in the place of `quick`."""
+    monkeypatch.setitem(PRESETS, "quick", TINY)  # type: ignore[index]
+
+
+@dataclass(frozen=True)
+class TinySpecimen:
+    """A specimen of seed 3, made by one thread, and what was said of its progress."""
+
+    folder: Path
+    progress: list[tuple[str, float]]
+
+    @property
+    def sample(self) -> dict[str, Any]:
+        """Return its sample.json."""
+        sample: dict[str, Any] = json.loads((self.folder / "truth/sample.json").read_text(encoding="utf-8"))
+        return sample
+
+
+@pytest.fixture(scope="module")
+def tiny_specimen(tmp_path_factory: pytest.TempPathFactory) -> TinySpecimen:
+    made = TinySpecimen(tmp_path_factory.mktemp("tiny") / "one", [])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(PRESETS, "quick", TINY)  # type: ignore[index]
+        simulate(made.folder, seed=3, workers=1, on_progress=lambda stage, done: made.progress.append((stage, done)))
+    return made
 
 
 def digests(folder: Path) -> dict[str, str]:
@@ -39,33 +66,29 @@ def digests(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def test_same_seed_gives_same_bytes_for_any_number_of_threads(tiny: Preset, tmp_path: Path) -> None:
-    simulate(tmp_path / "one", seed=3, workers=1)
+def test_same_seed_gives_same_bytes_for_any_number_of_threads(
+    tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path
+) -> None:
     simulate(tmp_path / "three", seed=3, workers=3)
-    assert digests(tmp_path / "one") == digests(tmp_path / "three")
+    assert digests(tiny_specimen.folder) == digests(tmp_path / "three")
     simulate(tmp_path / "other", seed=4)
-    assert digests(tmp_path / "one")["oct/pullback.tif"] != digests(tmp_path / "other")["oct/pullback.tif"]
+    assert digests(tiny_specimen.folder)["oct/pullback.tif"] != digests(tmp_path / "other")["oct/pullback.tif"]
 
 
-def test_replaying_a_sample_gives_the_same_bytes(tiny: Preset, tmp_path: Path) -> None:
-    simulate(tmp_path / "drawn", seed=5)
-    sample = json.loads((tmp_path / "drawn/truth/sample.json").read_text(encoding="utf-8"))
-    simulate(tmp_path / "replayed", preset="paper", seed=99, sample=sample)
-    assert digests(tmp_path / "drawn") == digests(tmp_path / "replayed")
+def test_replaying_a_sample_gives_the_same_bytes(tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path) -> None:
+    simulate(tmp_path / "replayed", preset="paper", seed=99, sample=tiny_specimen.sample)
+    assert digests(tiny_specimen.folder) == digests(tmp_path / "replayed")
 
 
-def test_progress_of_every_stage_ends_at_one(tiny: Preset, tmp_path: Path) -> None:
-    told: list[tuple[str, float]] = []
-    simulate(tmp_path / "specimen", on_progress=lambda stage, fraction: told.append((stage, fraction)))
-    assert [stage for stage, fraction in told if fraction == 1.0] == ["wall", "oct", "endoscope"]
-    assert all(0 <= fraction <= 1 for _, fraction in told)
+def test_progress_of_every_stage_ends_at_one(tiny_specimen: TinySpecimen) -> None:
+    assert [stage for stage, fraction in tiny_specimen.progress if fraction == 1.0] == ["wall", "oct", "endoscope"]
+    assert all(0 <= fraction <= 1 for _, fraction in tiny_specimen.progress)
 
 
 def test_a_sample_that_does_not_hold_together_is_refused_before_anything_is_written(
-    tiny: Preset, tmp_path: Path
+    tiny: None, tiny_specimen: TinySpecimen, tmp_path: Path
 ) -> None:
-    simulate(tmp_path / "drawn")
-    good = json.loads((tmp_path / "drawn/truth/sample.json").read_text(encoding="utf-8"))
+    good = tiny_specimen.sample
     for bad, named in (
         (good | {"oct": good["oct"] | {"offset_mm": [0.1]}}, "offset_mm"),
         (good | {"oct": good["oct"] | {"glass_mm": 3.0}}, "glass_mm"),

@@ -34,20 +34,20 @@ COMMANDS = {
 
 @pytest.mark.parametrize("words", COMMANDS.values(), ids=COMMANDS.keys())
 def test_without_a_device_it_is_one_line_and_nothing_is_written(
-    run: Run, spectra_specimen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+    run: Run, small_specimen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    filled = [word.format(oct=spectra_specimen / "oct-spectra") for word in words]
+    filled = [word.format(oct=small_specimen / "oct-spectra") for word in words]
     status, lines = run(*filled, "-o", tmp_path / "out", "--device", "cuda")
     assert (status, len(lines)) == (1, 1)
     assert "there is no CUDA device; found cuda; expected cpu; leave out --device cuda" in lines[0]
     assert not list(tmp_path.iterdir())
 
 
-def test_on_the_cpu_nothing_loads_torch(spectra_specimen: Path) -> None:
+def test_on_the_cpu_nothing_loads_torch(small_specimen: Path) -> None:
     code = (
         "import sys; from endoct.workbench import unroll; "
-        f"unroll({str(spectra_specimen / 'oct-spectra')!r}, progress=False); print('torch' in sys.modules)"
+        f"unroll({str(small_specimen / 'oct-spectra')!r}, progress=False); print('torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

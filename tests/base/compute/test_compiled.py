@@ -2,10 +2,12 @@
 
 import errno
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
@@ -34,14 +36,27 @@ print(twice(21.0), sum(twice.stats.cache_hits.values()))
 """
 
 
-def test_code_that_is_kept_damaged_is_made_again(tmp_path: Path) -> None:
+def test_code_is_kept_for_later_processes(tmp_path: Path) -> None:
     (tmp_path / "module.py").write_text(MODULE)
-    kept = tmp_path / "kept"
+    command = [sys.executable, "module.py"]
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
 
     def run() -> str:
-        command = [sys.executable, "module.py"]
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(kept)}
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True).stdout
+
+    assert (run(), run()) == ("42.0 0\n", "42.0 1\n")
+
+
+def test_code_that_is_kept_damaged_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "module.py").write_text(MODULE)
+    kept = tmp_path / "kept"
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(kept))
+
+    def run() -> str:
+        runpy.run_path(str(tmp_path / "module.py"))
+        return capsys.readouterr().out
 
     assert (run(), run()) == ("42.0 0\n", "42.0 1\n")
     for pattern in ("*.nbi", "*.nbc"):
@@ -70,7 +85,7 @@ when_compiling(lambda: print("compiling"))
 def twice(value):
     return value + value
 
-for value in (1, 1.0, True, 1j, "1", (1,), (1, 1), (1.0, 1), (1.0,)):
+for value in (1, 1.0, True, 1j, (1,), (1, 1), (1.0, 1), (1.0,)):
     twice(value)
 """
 

@@ -3,41 +3,31 @@
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 import tifffile
 import xarray as xr
-from made_once import MadeOnce
 from tolerances import CHAIN_DB, SAME_ASCAN, SAME_PLACE_MM, SAME_SLICE, SURFACE_PX
 
-from endoct.synthetic.specimen import simulate
 from tests.synthetic.fingerprints import KINDS, changed
 
 FACE, DETECTOR = 1, 4
 
 
 @pytest.fixture(scope="module")
-def specimen(made_once: MadeOnce) -> Path:
-    ranges = {"bore.bone": ("mastoid",), "oct.scan": ("step",), "bore.fluid": (0.2, 0.2)}
-    options: dict[str, Any] = {"preset": "learning", "seed": 21, "ranges": ranges, "labels": True, "spectra": True}
-    return made_once("labelled", lambda folder: simulate(folder, **options))
+def oct_labels(small_specimen: Path) -> xr.Dataset:
+    return xr.open_zarr(small_specimen / "truth/labels/oct.zarr").load()
 
 
 @pytest.fixture(scope="module")
-def oct_labels(specimen: Path) -> xr.Dataset:
-    return xr.open_zarr(specimen / "truth/labels/oct.zarr").load()
+def frame_labels(small_specimen: Path) -> xr.Dataset:
+    return xr.open_zarr(small_specimen / "truth/labels/endoscope.zarr").load()
 
 
-@pytest.fixture(scope="module")
-def frame_labels(specimen: Path) -> xr.Dataset:
-    return xr.open_zarr(specimen / "truth/labels/endoscope.zarr").load()
-
-
-def test_bone_begins_at_the_surface_row(specimen: Path, oct_labels: xr.Dataset) -> None:
-    volume = tifffile.imread(specimen / "oct/pullback.tif").astype(float)
+def test_bone_begins_at_the_surface_row(small_specimen: Path, oct_labels: xr.Dataset) -> None:
+    volume = tifffile.imread(small_specimen / "oct/pullback.tif").astype(float)
     flat = np.argwhere((oct_labels.cell_id.values == 0) & (oct_labels.shadow_db.values < 1))
     profiles = []
     for i, k in flat:
@@ -49,9 +39,9 @@ def test_bone_begins_at_the_surface_row(specimen: Path, oct_labels: xr.Dataset) 
     assert abs(int(np.argmax(profile > half)) - 20) <= SURFACE_PX
 
 
-def test_faces_and_detector_lines_are_flagged_where_they_shine(specimen: Path, oct_labels: xr.Dataset) -> None:
-    volume = tifffile.imread(specimen / "oct/pullback.tif").astype(float)
-    floor = json.loads((specimen / "truth/sample.json").read_text())["oct"]["floor_count"]
+def test_faces_and_detector_lines_are_flagged_where_they_shine(small_specimen: Path, oct_labels: xr.Dataset) -> None:
+    volume = tifffile.imread(small_specimen / "oct/pullback.tif").astype(float)
+    floor = json.loads((small_specimen / "truth/sample.json").read_text())["oct"]["floor_count"]
     flags = oct_labels.artefact.values
     above = np.arange(flags.shape[1])[None, :, None] < oct_labels.surface_row.values[:, None, :] - 40
     unflagged = np.median(volume[above & (flags == 0)])
@@ -63,15 +53,17 @@ def test_faces_and_detector_lines_are_flagged_where_they_shine(specimen: Path, o
     assert np.mean(at_face & FACE > 0) > 0.95
 
 
-def test_noise_free_twins_keep_the_bone_and_lose_the_noise(specimen: Path, oct_labels: xr.Dataset) -> None:
-    volume, clean = (tifffile.imread(specimen / name) for name in ("oct/pullback.tif", "truth/labels/oct_clean.tif"))
+def test_noise_free_twins_keep_the_bone_and_lose_the_noise(small_specimen: Path, oct_labels: xr.Dataset) -> None:
+    volume, clean = (
+        tifffile.imread(small_specimen / name) for name in ("oct/pullback.tif", "truth/labels/oct_clean.tif")
+    )
     assert volume.shape == clean.shape
     depth = np.arange(volume.shape[1])[None, :, None] - oct_labels.surface_row.values[:, None, :]
     bone, dark = (depth > 2) & (depth < 20), (depth < -50) & (oct_labels.artefact.values == 0)
     assert np.corrcoef(volume[bone], clean[bone])[0, 1] > 0.7
     assert np.median(clean[dark]) < np.median(volume[dark]) - 20
     frame, twin = (
-        cv2.imread(str(specimen / name / "frame_0004.png")).astype(float)
+        cv2.imread(str(small_specimen / name / "frame_0004.png")).astype(float)
         for name in ("endoscope", "truth/labels/endoscope_clean")
     )
     assert 0.2 < np.abs(frame - twin).mean() < 8
@@ -97,9 +89,9 @@ def test_pixels_and_ascans_point_at_one_another(oct_labels: xr.Dataset, frame_la
 
 
 def test_cells_have_the_ids_of_the_truth_everywhere(
-    specimen: Path, oct_labels: xr.Dataset, frame_labels: xr.Dataset
+    small_specimen: Path, oct_labels: xr.Dataset, frame_labels: xr.Dataset
 ) -> None:
-    wall = xr.open_zarr(specimen / "truth/wall.zarr").load()
+    wall = xr.open_zarr(small_specimen / "truth/wall.zarr").load()
     for labels in (oct_labels, frame_labels):
         ids = labels.cell_id.values
         where = (ids > 0) & np.isfinite(labels.z_mm.values)
@@ -109,10 +101,10 @@ def test_cells_have_the_ids_of_the_truth_everywhere(
         assert np.mean(wall.cell_id.values[z, theta] == ids[where]) > 0.8
 
 
-def test_the_table_of_cells_counts_what_is_seen(specimen: Path, oct_labels: xr.Dataset) -> None:
-    with (specimen / "truth/labels/cells.csv").open(encoding="utf-8") as file:
+def test_the_table_of_cells_counts_what_is_seen(small_specimen: Path, oct_labels: xr.Dataset) -> None:
+    with (small_specimen / "truth/labels/cells.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    wall = xr.open_zarr(specimen / "truth/wall.zarr").load()
+    wall = xr.open_zarr(small_specimen / "truth/wall.zarr").load()
     assert {int(row["cell_id"]) for row in rows} == set(np.unique(wall.cell_id.values)) - {0}
     for row in rows:
         assert 0 <= float(row["oct_covered"]) <= 1
@@ -123,18 +115,18 @@ def test_the_table_of_cells_counts_what_is_seen(specimen: Path, oct_labels: xr.D
     assert sum(int(row["oct_ascans"]) for row in rows) > 100
 
 
-def test_the_documented_chain_makes_the_b_scan_of_the_raw_spectra(specimen: Path) -> None:
-    about = json.loads((specimen / "oct-spectra/spectra.json").read_text(encoding="utf-8"))
+def test_the_documented_chain_makes_the_b_scan_of_the_raw_spectra(small_specimen: Path) -> None:
+    about = json.loads((small_specimen / "oct-spectra/spectra.json").read_text(encoding="utf-8"))
     shape = about["slices"], about["ascans"], about["samples"]
-    raw = np.fromfile(specimen / "oct-spectra/spectra.bin", "<u2").reshape(shape)
-    chirp, offset = (np.fromfile(specimen / f"oct-spectra/{name}.bin", "<f8") for name in ("Chirp", "Offset"))
+    raw = np.fromfile(small_specimen / "oct-spectra/spectra.bin", "<u2").reshape(shape)
+    chirp, offset = (np.fromfile(small_specimen / f"oct-spectra/{name}.bin", "<f8") for name in ("Chirp", "Offset"))
     electrons = raw[3] * about["electrons_per_count"] - offset
     electrons -= electrons.mean(axis=0)
     even = np.stack([np.interp(np.arange(shape[2]), chirp, ascan) for ascan in electrons])
     power = np.abs(np.fft.fft(even * np.hanning(shape[2]))[:, : shape[2] // 2]) ** 2
-    sample = json.loads((specimen / "truth/sample.json").read_text(encoding="utf-8"))["oct"]
+    sample = json.loads((small_specimen / "truth/sample.json").read_text(encoding="utf-8"))["oct"]
     counts = 10 * np.log10(power.T) / sample["db_per_count"]
-    written = tifffile.imread(specimen / "oct/pullback.tif")[3]
+    written = tifffile.imread(small_specimen / "oct/pullback.tif")[3]
     # over the floor where its bands are highest
     strong = written > sample["floor_count"] + 40 + sample["floor_bands_db"] / sample["db_per_count"]
     strong[shape[2] // 4 :] = False  # deeper, linear interpolation loses some dB

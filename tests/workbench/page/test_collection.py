@@ -54,7 +54,7 @@ def test_what_lies_in_a_folder(folder: Path):
     ]  # fmt: skip
     assert (found["first/bore-10"].level, found["first/bore-10"].jaccard) == ("doubted", 0.9)
     assert (found[odd].level, found[odd].jaccard, found[odd].dice) == ("unaligned", None, None)
-    assert found["specimen"].what.startswith("preset learning, seed 1001, bone ")
+    assert found["specimen"].what.startswith("preset learning, seed 22, bone ")
     assert found["damaged"].fault
     assert "\n" not in found["damaged"].fault
     assert [name for name, entry in found.items() if not entry.can_be_opened] == ["damaged", "specimen"]

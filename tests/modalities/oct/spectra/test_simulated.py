@@ -24,8 +24,8 @@ N = 1024
 
 
 @pytest.fixture(scope="module")
-def subject(spectra_specimen: Path) -> Subject:
-    return Subject(manifests()["oct"], spectra_specimen / "oct-spectra")
+def subject(small_specimen: Path) -> Subject:
+    return Subject(manifests()["oct"], small_specimen / "oct-spectra")
 
 
 # how the stream behaves; what is made of it is the same for all
@@ -53,9 +53,9 @@ def test_at_even_wavenumbers_it_is_what_the_simulator_makes_of_the_same_spectra(
     assert np.abs(ours_db - unit_db - theirs_db)[inside].max() < REBUILT_DB
 
 
-def test_behind_the_chirp_it_is_the_bscan_that_the_simulator_writes(spectra_specimen: Path) -> None:
+def test_behind_the_chirp_it_is_the_bscan_that_the_simulator_writes(small_specimen: Path) -> None:
     """As the simulator's own test: noise differs in part, what is well above it does not."""
-    written, read = (open_recording(spectra_specimen / name)[1] for name in ("oct", "oct-spectra"))
+    written, read = (open_recording(small_specimen / name)[1] for name in ("oct", "oct-spectra"))
     assert isinstance(written.acquisition, OctAcquisition)
     assert written.acquisition.db_per_count is not None
     for i in (0, 7, 15):
@@ -67,18 +67,18 @@ def test_behind_the_chirp_it_is_the_bscan_that_the_simulator_writes(spectra_spec
         assert np.sqrt(np.mean(np.square(apart[bright] - np.median(apart[bright])))) < RAW_SPECTRA_DB
 
 
-def test_the_wrong_way_round_it_blurs(spectra_specimen: Path) -> None:
+def test_the_wrong_way_round_it_blurs(small_specimen: Path) -> None:
     sharpness = []
     for gives in ("wavenumber", "sample"):
-        _, stream = open_recording(spectra_specimen / "oct-spectra", overrides={"spectra.chirp_gives": gives})
+        _, stream = open_recording(small_specimen / "oct-spectra", overrides={"spectra.chirp_gives": gives})
         power = 10 ** (levels_db(stream[5].samples)[:, 150:] / 10)
         sharpness.append(np.mean(power**2) / np.mean(power) ** 2)
     assert sharpness[0] > 2 * sharpness[1]
 
 
-def test_a_chirp_the_wrong_way_round_is_said(spectra_specimen: Path, tmp_path: Path) -> None:
-    assert "turned around" not in OCT.sniff(spectra_specimen / "oct-spectra").reason
-    moved = shutil.copytree(spectra_specimen / "oct-spectra", tmp_path / "turned")
+def test_a_chirp_the_wrong_way_round_is_said(small_specimen: Path, tmp_path: Path) -> None:
+    assert "turned around" not in OCT.sniff(small_specimen / "oct-spectra").reason
+    moved = shutil.copytree(small_specimen / "oct-spectra", tmp_path / "turned")
     sidecar = moved / "acquisition.toml"
     sidecar.write_text(sidecar.read_text().replace('chirp = "', 'chirp_gives = "sample", chirp = "'))
     assert "the chirp seems to be turned around" in OCT.sniff(moved).reason
@@ -97,12 +97,12 @@ def test_a_chirp_the_right_way_round_is_not_doubted_for_a_blur_that_reaches_deep
     assert not is_sharper_turned_around(tmp_path, keys, bscan)
 
 
-def test_the_wall_lies_where_it_lies_in_the_written_bscans(spectra_specimen: Path) -> None:
+def test_the_wall_lies_where_it_lies_in_the_written_bscans(small_specimen: Path) -> None:
     panoramas = []
     for name in ("oct", "oct-spectra"):
-        _, stream = open_recording(spectra_specimen / name)
+        _, stream = open_recording(small_specimen / name)
         assert isinstance(stream.acquisition, OctAcquisition)
-        panoramas.append(unroll(spectra_specimen / name, stream.acquisition)[2])
+        panoramas.append(unroll(small_specimen / name, stream.acquisition)[2])
     written, read = panoramas
     assert written.depth_mm is not None
     assert read.depth_mm is not None
@@ -115,9 +115,9 @@ def test_the_wall_lies_where_it_lies_in_the_written_bscans(spectra_specimen: Pat
     assert np.corrcoef(written.intensity[both], read.intensity[both])[0, 1] > 0.7
 
 
-def test_the_sidecar_that_the_simulator_writes_says_all(spectra_specimen: Path, tmp_path: Path) -> None:
+def test_the_sidecar_that_the_simulator_writes_says_all(small_specimen: Path, tmp_path: Path) -> None:
     """The vectors beside it are those of its model, and the folder can be moved."""
-    moved = shutil.copytree(spectra_specimen / "oct-spectra", tmp_path / "elsewhere")
+    moved = shutil.copytree(small_specimen / "oct-spectra", tmp_path / "elsewhere")
     _, stream = open_recording(moved)
     assert isinstance(stream.acquisition, OctAcquisition)
     assert stream.acquisition.spectra is not None
@@ -125,9 +125,9 @@ def test_the_sidecar_that_the_simulator_writes_says_all(spectra_specimen: Path, 
     np.testing.assert_array_equal(np.fromfile(moved / "Chirp.bin", "<f8"), chirp(N))
 
 
-def test_in_a_thorimage_file_they_give_the_same_panorama(spectra_specimen: Path, tmp_path: Path) -> None:
+def test_in_a_thorimage_file_they_give_the_same_panorama(small_specimen: Path, tmp_path: Path) -> None:
     """To the bit, where the headerless file's chirp is rounded to float32 as the program writes it."""
-    spectra = shutil.copytree(spectra_specimen / "oct-spectra", tmp_path / "spectra")
+    spectra = shutil.copytree(small_specimen / "oct-spectra", tmp_path / "spectra")
     vectors = [np.fromfile(spectra / f"{name}.bin", "<f8").astype("<f4") for name in ("Chirp", "Offset")]
     vectors[0].tofile(spectra / "Chirp.bin")
     _, known = open_recording(spectra)
