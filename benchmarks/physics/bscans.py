@@ -53,6 +53,10 @@ def plain(preset: PresetName = "quick", seed: int = 1000, **oct_: Any) -> Sample
     )
 
 
+_MADE: dict[str, Wall] = {}
+"""The wall that was made last, by its sample as JSON without the OCT."""
+
+
 def wall_of(sample: Sample) -> Wall:
     """Return the wall of a sample, made once for samples that differ in how the OCT records it."""
     bone = sample.model_dump_json(exclude={"oct"})
@@ -60,9 +64,6 @@ def wall_of(sample: Sample) -> Wall:
         _MADE.clear()
         _MADE[bone] = build_wall(sample)
     return _MADE[bone]
-
-
-_MADE: dict[str, Wall] = {}
 
 
 def decibels(sample: Sample, bscan: NDArray[np.uint8]) -> NDArray[np.float64]:
