@@ -21,7 +21,7 @@ def read_object(path: Path, most_bytes: int = SMALL_BYTES) -> dict[str, Any]:
     return an_object(read_json(path, most_bytes), str(path))
 
 
-def object_in(data: bytes, subject: str = "what the page sent") -> dict[str, Any]:
+def object_in(data: bytes, subject: str) -> dict[str, Any]:
     """Return the JSON object in ``data``. Raises :class:`EndoctError`, naming ``subject``, where there is none."""
     with refusing(f"{subject} is no JSON"):
         return an_object(json.loads(data), subject)

@@ -219,7 +219,7 @@ def test_a_false_handedness_is_said_whichever_side_comes_first(
     pair = pair_of(1, mirrored=True, z_reversed=z_reversed)
     for travel_known in (False, True):
         sides = [replace(side, handedness_known=True, travel_known=travel_known) for side in (pair.a, pair.b)]
-        result = compare_panoramas(*(sides[::-1] if swapped else sides), COARSE).result
+        result = compare_panoramas(*(sides[::-1] if swapped else sides)).result
         if travel_known:
             assert result.reason is not None
             assert re.search("Mirrored .*they would align: check handedness", result.reason)

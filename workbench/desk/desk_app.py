@@ -44,6 +44,7 @@ from endoct.workbench.page.server import (
     whole_number,
 )
 from endoct.workbench.page.serving import answer_page
+from endoct.workbench.page.sessions import POSTED
 from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.report.html_templates import rendered
 from endoct.workbench.report.manual import words_json
@@ -243,7 +244,7 @@ def _posted(act: Act) -> Answer:
         data = await posted_json(request)
         if isinstance(data, Response):
             return data
-        return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data))), request)
+        return await run_in_threadpool(_json(lambda asked: act(asked, object_in(data, POSTED))), request)
 
     return answered
 

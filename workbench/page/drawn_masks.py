@@ -36,6 +36,7 @@ from endoct.stitching.store import PanoramaOutline
 from endoct.workbench.page.layers import mask_outlines
 from endoct.workbench.page.presence import Gone, Origin
 from endoct.workbench.page.saved_masks import NAME, flooded, read_saved, saved_names, scores_against
+from endoct.workbench.page.sessions import POSTED
 
 KIND = "mask"
 CELLS = "cells"
@@ -107,7 +108,7 @@ class DrawnMasks:
         Raises :class:`EndoctError` where there is none, or it cannot be placed.
         """
         self.origin.check_present()
-        posted = object_in(data)
+        posted = object_in(data, POSTED)
         side, name = self._side(posted), posted.get("mask")
         stated = (self.outline.result.parameters.get("compare") or {}).get("tolerance_mm")
         tolerance_mm = float(stated) if isinstance(stated, int | float) else TOLERANCE_MM
@@ -123,7 +124,7 @@ class DrawnMasks:
 
     def _posted(self, data: bytes) -> tuple[str, Mask, dict[str, Any]]:
         self.origin.check_present()
-        posted = object_in(data)
+        posted = object_in(data, POSTED)
         side = self._side(posted)
         shapes, ground = shapes_from(posted.get("shapes")), self._ground(side, posted)
         return side, painted(shapes, self.sides[side].grid, ground), posted

@@ -22,6 +22,7 @@ from endoct.base.files.json_values import object_in
 from endoct.workbench.exporting.formats import FORMATS, Format
 from endoct.workbench.exporting.source import Exportable, open_for_export
 from endoct.workbench.page.presence import Origin
+from endoct.workbench.page.sessions import POSTED
 from endoct.workbench.requests import ExportRequest, OmeVersion
 from endoct.workbench.running.refusals import with_flags
 from endoct.workbench.running.scheduler import Named, scheduler
@@ -111,7 +112,7 @@ class Exports:
     def _request(self, data: bytes) -> ExportRequest:
         """Return what was posted. Raises :class:`EndoctError` for nonsense, :class:`Gone` where the output is gone."""
         self.origin.check_present()
-        posted = object_in(data)
+        posted = object_in(data, POSTED)
         name, options = posted.get("format"), posted.get("options")
         if not isinstance(name, str) or name not in FORMATS:
             raise EndoctError("there is no such format", found=repr(name)[:40], expected=", ".join(FORMATS))

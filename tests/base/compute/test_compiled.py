@@ -85,7 +85,7 @@ when_compiling(lambda: print("compiling"))
 def twice(value):
     return value + value
 
-for value in (1, 1.0, True, 1j, (1,), (1, 1), (1.0, 1), (1.0,)):
+for value in (1, 1.0, True, 1j, "1", (1,), (1, 1), (1.0, 1), (1.0,)):
     twice(value)
 """
 

@@ -65,12 +65,11 @@ def test_what_is_no_array(data: bytes, message: str) -> None:
 
 def test_archives_that_expand_too_far(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
-    quickly = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
-    with quickly as members, members.open("image.npy", "w") as file:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as members, members.open("image.npy", "w") as file:
         file.write(npy("(150000000,)"))
         for _ in range(600):
             file.write(b"\0" * 1_000_000)
-    assert path.stat().st_size < 10_000_000
+    assert path.stat().st_size < 1_000_000
     with pytest.raises(EndoctError, match="holds too much"):
         read_npz(path)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as members:

@@ -57,8 +57,8 @@ def test_a_dark_place_that_seems_to_lie_at_the_wall_is_not_known(held: Panorama)
 
 
 def test_wall_stains_bright_and_deep_floors_stay_as_sure_as_they_were(held: Panorama) -> None:
-    assert held.parallax_error_mm is not None
     """However dark: light tells of no more than 1.5 mm."""
+    assert held.parallax_error_mm is not None
     wall = ~(HIDDEN | DEEP | STAIN | BRIGHT | A_LITTLE_SHORT | PITCH_BLACK | UNSEEN)
     for where in (wall, STAIN, BRIGHT, DEEP, PITCH_BLACK):
         error_mm = held.parallax_error_mm[where]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tolerances import PARALLAX_FLOOR_MM, PARALLAX_WALL_MM
 
+from endoct.base.arrays import Image
 from endoct.base.compute.memory import Kept
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.evidence.depth_against_light import MOST_APART_MM
@@ -14,7 +15,7 @@ from endoct.fusion.evidence.relief import parallax_relief
 from endoct.modalities.contract import FrameStream
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.parallax import depth
-from endoct.modalities.endoscope.parallax.depth import MOST_ERROR_MM, SCALE_ASSUMED, add_parallax
+from endoct.modalities.endoscope.parallax.depth import MOST_ERROR_MM, SCALE_ASSUMED, SCALE_STATED, add_parallax
 from endoct.modalities.endoscope.parallax.views import Texture, fine_grid
 from endoct.modalities.endoscope.plugin import ENDOSCOPE
 from endoct.modalities.recognition import open_recording
@@ -42,8 +43,8 @@ def test_wall_and_floors_lie_where_they_are_as_surely_as_is_said(unrolled: Unrol
     cell, relief_mm = true_cells(truth, pose, panorama), true_relief(truth, pose, panorama)
     known = np.isfinite(depth_mm)
     assert known.mean() > 0.7
-    matched_mm = np.sqrt(np.maximum(error_mm[known] ** 2 - (SCALE_ASSUMED * depth_mm[known]) ** 2, 0))
-    assert (matched_mm <= np.hypot(MOST_ERROR_MM, MOST_APART_MM) + 1e-6).all()
+    matched_mm = matched(panorama, unrolled[2].optics.assumed)
+    assert (matched_mm[known] <= np.hypot(MOST_ERROR_MM, MOST_APART_MM) + 1e-6).all()
     np.testing.assert_array_equal(known, np.isfinite(error_mm))
     assert not known[~panorama.valid].any()
     relief = parallax_relief(panorama)
@@ -65,6 +66,14 @@ def test_the_seam_is_as_smooth_as_elsewhere(unrolled: Unrolled) -> None:
     assert depth_mm is not None
     jumps = np.nanmean(np.abs(np.diff(depth_mm, axis=1, append=depth_mm[:, :1])), axis=0)
     assert jumps[-1] < np.nanquantile(jumps.reshape(-1, 2).max(axis=1), 0.99)
+
+
+def matched(panorama: Panorama, assumed: bool) -> Image:
+    """Return the error without what the optics add to it, mm."""
+    assert panorama.parallax_depth_mm is not None
+    assert panorama.parallax_error_mm is not None
+    of_scale_mm = (SCALE_ASSUMED if assumed else SCALE_STATED) * panorama.parallax_depth_mm
+    return np.sqrt(np.maximum(panorama.parallax_error_mm**2 - of_scale_mm**2, 0))
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +109,8 @@ def test_assumed_optics_make_every_depth_less_sure(unrolled: Unrolled, otherwise
     share = np.sqrt(np.maximum(more, 0)) / np.abs(depths[0][deep])  # type: ignore[index]
     assert np.median(share) == pytest.approx(np.sqrt(0.4**2 - 0.03**2), rel=0.02)
     assert np.nanmin(errors[1]) >= np.nanmin(errors[0])  # type: ignore[arg-type]
+    as_frames_tell = matched(otherwise, not calibration.optics.assumed)
+    assert np.nanmax(as_frames_tell) <= MOST_ERROR_MM + 1e-6
     assert (depths[1] > MOST_ERROR_MM / SCALE_ASSUMED).sum() > 100, "what frames tell surely stays known"  # type: ignore[operator]
 
 
