@@ -13,7 +13,7 @@ from scipy.optimize import curve_fit
 from scipy.special import erf
 
 from endoct.base.arrays import Coordinates
-from endoct.synthetic.bone.wall import Wall, build_wall
+from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.draw import draw
 from endoct.synthetic.oct.beams import BONE_INDEX
 from endoct.synthetic.oct.bscan import render_bscan
@@ -53,19 +53,6 @@ def plain(preset: PresetName = "quick", seed: int = 1000, **oct_: Any) -> Sample
     )
 
 
-_MADE: dict[str, Wall] = {}
-"""The wall that was made last, by its sample as JSON without the OCT."""
-
-
-def wall_of(sample: Sample) -> Wall:
-    """Return the wall of a sample, made once for samples that differ in how the OCT records it."""
-    bone = sample.model_dump_json(exclude={"oct"})
-    if bone not in _MADE:
-        _MADE.clear()
-        _MADE[bone] = build_wall(sample)
-    return _MADE[bone]
-
-
 def decibels(sample: Sample, bscan: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Return the level over the mean noise of every pixel, dB; the floor's count is that of its mean logarithm."""
     return (bscan.astype(np.float64) - sample.oct.floor_count) * sample.oct.db_per_count - RAYLEIGH_BIAS_DB
@@ -73,7 +60,7 @@ def decibels(sample: Sample, bscan: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 def rendered(sample: Sample, slices: int = 1, appearance: Appearance | None = None) -> NDArray[np.float64]:
     """Return some B-scans of a plain sample side by side, dB (depth, A-scan)."""
-    wall = wall_of(sample)
+    wall = build_wall(sample)
     look = appearance or build_appearance(sample, wall)
     return np.concatenate([decibels(sample, render_bscan(sample, wall, look, i)) for i in range(slices)], axis=1)
 
@@ -154,7 +141,7 @@ def roll_off_curve(rows: Coordinates, roll_off_db: float = 8.0) -> tuple[Coordin
     found = []
     base = plain("learning", outer_face_db=45.0, roll_off_db=roll_off_db)
     n = 2 * PRESETS["learning"].n_depth
-    wall = wall_of(base)
+    wall = build_wall(base)
     look = build_appearance(base, wall)
     for row in rows:
         first_mm = outer_path_mm(base) - row * base.oct.axial_pixel_mm
@@ -207,7 +194,7 @@ def knife_edge(slices: int = 12) -> tuple[Coordinates, Coordinates, float, float
     n_map = 36 * 512
     bright = (np.arange(n_map) * EDGES // n_map) % 2 == 0
     wall_db = np.repeat(np.where(bright, 0.0, NOTHING_DB)[None, :].astype(np.float32), 4, axis=0)
-    look = replace(build_appearance(sample, wall_of(sample)), wall_db=wall_db, glint_db=np.full_like(wall_db, -60))
+    look = replace(build_appearance(sample, build_wall(sample)), wall_db=wall_db, glint_db=np.full_like(wall_db, -60))
     level = rendered(sample, slices, look)
     n = PRESETS[sample.preset].n_ascans
     first = round(wall_row(sample))

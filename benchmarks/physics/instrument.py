@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from benchmarks.physics import catheter
-from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_of, wall_row
+from benchmarks.physics.bscans import decibels, gaussian_fwhm, plain, wall_row
 from endoct.base.arrays import Coordinates
+from endoct.synthetic.bone.wall import build_wall
 from endoct.synthetic.oct.bscan import render_bscan
 from endoct.synthetic.oct.sweep import build_appearance
 from endoct.synthetic.sample.parameters import Sample, SheathLine
@@ -42,7 +43,7 @@ class Comparison:
 
 def slices_db(sample: Sample, indices: range) -> NDArray[np.float64]:
     """Return B-scans in dB over the noise, (slice, depth, A-scan)."""
-    wall = wall_of(sample)
+    wall = build_wall(sample)
     look = build_appearance(sample, wall)
     return np.stack([decibels(sample, render_bscan(sample, wall, look, i)) for i in indices])
 
