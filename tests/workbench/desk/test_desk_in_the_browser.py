@@ -173,6 +173,23 @@ def test_a_menu_has_no_word_twice(chromium: Any, served: Served, desk: Desk, stu
         assert len(choices) == len(set(choices)) == 4
 
 
+def test_what_is_missing_stays_said_where_a_picture_takes_long_to_show(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    address = f"{desk.open(study).address}recording?name=bore-1/oct"
+    with page_of(chromium, served, address, "figure canvas") as watched:
+        with watched.page.expect_response("**/preview") as answer:
+            watched.page.reload()
+        drawn = answer.value.json()
+        page = watched.page.context.new_page()  # what its pictures take is not for the tests after this
+        page.add_init_script("HTMLImageElement.prototype.decode = () => new Promise(done => setTimeout(done, 2500))")
+        page.route("**/preview", lambda route: route.fulfill(json=drawn))
+        page.goto(watched.page.url)
+        page.wait_for_selector("figure canvas", timeout=LONG_MS)
+        assert page.locator("[role=status]").inner_text() == "Nothing is missing. It is saved."
+        page.close()
+
+
 def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
         page = watched.page

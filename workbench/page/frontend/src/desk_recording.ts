@@ -142,14 +142,14 @@ class RecordingPage {
     this.main.setAttribute("aria-busy", "true");
     const slow = window.setTimeout(() => (this.said.textContent = SLOW), SLOW_MS);
     try {
-      const drawn = await post<Preview>("preview", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), share: Number(this.place.value) });
+      const asked = post<Preview>("preview", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), share: Number(this.place.value) });
+      const drawn = await asked.finally(() => window.clearTimeout(slow)); // or it would speak after what is said below
       this.fault.textContent = drawn.fault;
       await this.show(drawn);
     } catch (error) {
       this.said.textContent = "";
       this.fault.textContent = message(error);
     }
-    window.clearTimeout(slow);
     this.busy = false;
     this.main.setAttribute("aria-busy", "false");
     if (this.again) {
