@@ -192,8 +192,9 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
     relief_mm = np.where(plain, sides.relief_mm, np.float32(np.nan)).astype(np.float32)
     of_wall = relief_mm[plain]
     error_mm = np.where(plain, np.float32(robust_sigma(of_wall) if of_wall.size else np.nan), np.float32(np.nan))
-    told = cells & np.isfinite(known_depth(sides))
-    features_at, depth_mm, samples = depth_features(sides, told), known_depth(sides), np.flatnonzero(told)
+    depth_mm = known_depth(sides)
+    told = cells & np.isfinite(depth_mm)
+    features_at, samples = depth_features(sides, told), np.flatnonzero(told)
     for first in range(0, samples.size, AT_ONCE):
         some = samples[first : first + AT_ONCE]
         beyond_mm, log_error = answers("depth", features_at(some))
