@@ -72,3 +72,17 @@ def test_what_a_frame_does_not_see_is_not_marked(chromium: Any, tmp_path: Path):
         mark(page, 100.0)
         with pytest.raises(AssertionError, match="nothing is marked"):
             target(page)
+
+
+def test_a_server_that_is_gone_is_said_not_raised(chromium: Any, tmp_path: Path):
+    folder = shown(tmp_path / "seen", np.zeros(N_THETA), 1.5)
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.route("**/*", lambda route: route.abort())
+        box = page.locator(".view").nth(1).bounding_box()
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)  # asks for pictures
+        page.keyboard.press("d")
+        page.wait_for_selector(".masks:not([hidden])")
+        page.mouse.click(box["x"] + 60, box["y"] + 60)  # asks for outlines
+        page.wait_for_selector(".masks >> text=the server does not answer")
+        watched.errors[:] = [one for one in watched.errors if "ERR_FAILED" not in one]  # Chromium notes what it lacks

@@ -109,3 +109,25 @@ def test_what_was_drawn_is_there_again_until_it_is_saved(chromium: Any, tmp_path
         page.click(".masks button:text-is('me_1')")
         page.locator(".masks", has_text="Jaccard index against me_1: endoscope 0.").wait_for()
         assert drawn(folder, "me_1").any()
+
+
+def test_a_refusal_that_comes_late_is_not_said_of_what_was_drawn_since(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        page.keyboard.press("d")
+        page.wait_for_selector(".masks:not([hidden])")
+        view = page.locator(".pane .view").first.bounding_box()
+        asked = list[Any]()
+        page.route("**/drawing.json*", lambda route: asked.append(route))
+        for k in range(2):
+            page.mouse.click(view["x"] + 60 + 30 * k, view["y"] + 60)
+            while len(asked) <= k:
+                page.wait_for_timeout(20)
+        with page.expect_response("**/drawing.json*"):
+            asked[1].continue_()
+        with page.expect_response("**/drawing.json*"):
+            asked[0].fulfill(status=409, body="too much is drawn")
+        page.wait_for_timeout(1000)
+        assert page.locator(".masks .refused").count() == 0
+        watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal

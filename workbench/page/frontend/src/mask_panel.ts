@@ -88,6 +88,7 @@ export class MaskPanel {
       painting.lines = lines;
       this.message = this.saved?.refused ?? "";
     } catch (error) {
+      if (this.asked !== wanted) return;
       this.message = error instanceof Error ? error.message : String(error);
     }
     this.draw();

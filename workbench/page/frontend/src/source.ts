@@ -92,6 +92,7 @@ export interface Source {
   checkPresent(): void;
 }
 
+const UNREACHED = "the server does not answer; start endoct again, and load this page anew";
 const NOT_SERVED = "masks are drawn, and files exported, where the page is served (endoct serve)";
 
 interface Frozen {
@@ -122,7 +123,7 @@ class Asker {
   }
 
   async ask(path: string, how?: RequestInit): Promise<Response> {
-    const answer = await fetch(this.address(path), how);
+    const answer = await fetch(this.address(path), how).catch(() => new Response(UNREACHED, { status: 503 }));
     if (answer.status === GONE && !this.gone) {
       this.gone = await answer.clone().text();
       for (const tell of this.told) tell(this.gone);
@@ -210,7 +211,7 @@ async function servedSource(): Promise<Source> {
     },
     saveExport: async (asked) => answered(await asker.send("export.json", asked)),
     onGone: (told) => asker.onGone(told),
-    checkPresent: () => void asker.ask("present").catch(() => null),
+    checkPresent: () => void asker.ask("present"),
   };
 }
 
