@@ -1,5 +1,7 @@
 """Two reliefs of one wall: bias, spread and limits by depth, where both know it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -51,6 +53,14 @@ def test_bias_and_spread_by_depth_wherever_the_seam_is(roll: int) -> None:
         assert stratum.high_limit == pytest.approx(BIAS_MM + 1.96 * SPREAD_MM, abs=0.004)
         # |N(bias, spread)| below 2 √(bias² + spread²)
         assert stratum.within_two_errors == pytest.approx(0.982, abs=0.01)
+
+
+def test_the_errors_of_both_sides_count() -> None:
+    error = np.full(GRID.shape, 0.01, np.float32)
+    compared = compare_reliefs(*(replace(side, relief_error_mm=error) for side in walls(cell_on_seam())), GRID)
+    assert compared is not None
+    # |N(0.03, 0.02)| below 2 · 0.01 √2; of one side's error it would be 0.302
+    assert compared.strata[0].within_two_errors == pytest.approx(0.464, abs=0.01)
 
 
 def test_what_a_side_did_not_observe_is_not_compared() -> None:
