@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.base.arrays import Coordinates, Mask
+from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.geometry.placement import Sampling
@@ -119,7 +119,7 @@ def _off_rims(cells: Mask, grid: SurfaceGrid) -> Mask:
     return np.abs(signed_distance(cells, (grid.dz_mm, grid.dtheta_mm), 2 * RIM_MM)) > RIM_MM
 
 
-def _limits(differs: Coordinates, error: Coordinates | None) -> dict[str, float | None]:
+def _limits(differs: Image, error: Image | None) -> dict[str, float | None]:
     if differs.size < FEWEST_SAMPLES:
         return {}
     low, median, high = np.quantile(differs, [0.025, 0.5, 0.975])
