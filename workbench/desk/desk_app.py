@@ -26,7 +26,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from endoct.base.errors import EndoctError
 from endoct.base.files.files import inside, leads_below
 from endoct.base.files.json_values import object_in
-from endoct.base.files.scratch import put_new, scratch_next_to
+from endoct.base.files.scratch import clear_dead_scratch, put_new, scratch_next_to
 from endoct.modalities.registry import manifests
 from endoct.workbench.desk.desk import Desk, OpenFolder, whole_path
 from endoct.workbench.page.heading import RESEARCH
@@ -274,13 +274,14 @@ async def take_file(folder: Path, name: str, content: AsyncIterable[bytes]) -> N
         raise _taken(place)
     try:
         await run_in_threadpool(place.parent.mkdir, parents=True, exist_ok=True)
+        await run_in_threadpool(clear_dead_scratch, place.parent, place.name)  # of a server that was killed
         with scratch_next_to(place) as scratch, (scratch / "file").open("wb") as file:
             async for part in content:
                 await run_in_threadpool(file.write, part)
             file.flush()
-            os.fsync(file.fileno())
+            await run_in_threadpool(os.fsync, file.fileno())
             file.close()
-            put_new(scratch / "file", place)
+            await run_in_threadpool(put_new, scratch / "file", place)
     except FileExistsError as error:
         raise _taken(place) from error
     except OSError as error:

@@ -44,6 +44,8 @@ NEIGHBOURS = 7
 """Frames that are surveyed: enough for what a plug-in takes from neighbours, few enough for a second."""
 LONGEST_S = 180.0
 """How long a frame is waited for: the first of its kind compiles."""
+MOST_AT_ONCE = 3
+"""Previews under way or waiting: each takes a thread that other requests need."""
 
 
 @dataclass(frozen=True)
@@ -225,11 +227,22 @@ class Previewer:
         self._process: WorkerProcess | None = None
         self._stack = ExitStack()
         self._lock = threading.Lock()
+        self._room = threading.BoundedSemaphore(MOST_AT_ONCE)
 
     def preview(
         self, recording: Path, modality: str | None, texts: Mapping[str, object], share: float
     ) -> dict[str, Any]:
-        """Return what :func:`drawn` does."""
+        """Return what :func:`drawn` does. Raises :class:`EndoctError` where many wait for theirs already."""
+        if not self._room.acquire(blocking=False):
+            raise EndoctError("other frames are being drawn", remedy="wait for them, then change anything here")
+        try:
+            return self._drawn(recording, modality, texts, share)
+        finally:
+            self._room.release()
+
+    def _drawn(
+        self, recording: Path, modality: str | None, texts: Mapping[str, object], share: float
+    ) -> dict[str, Any]:
         with self._lock:
             if self._process is None:
                 self._process = self._stack.enter_context(worker_process())
@@ -238,6 +251,9 @@ class Previewer:
             except TimeoutError as error:
                 self.close()
                 raise EndoctError("the frame cannot be drawn", found=f"no end after {LONGEST_S:g} s") from error
+            except MemoryError:
+                self.close()  # it gives back what it holds, or has ended
+                raise
             except EndoctError as error:
                 if "a worker process has ended" in str(error):
                     self.close()

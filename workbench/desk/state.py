@@ -15,6 +15,7 @@ from tempfile import mkstemp
 from platformdirs import user_state_path
 
 from endoct.base.errors import EndoctError, refusing
+from endoct.base.files.files import is_folder
 from endoct.base.files.json_values import read_object
 from endoct.workbench.desk.runs import Queue
 
@@ -75,17 +76,21 @@ class State:
 
     def recent(self) -> list[Recent]:
         """Return the folders that were opened and are still there, the last one first."""
+        return [each for each in self._listed() if is_folder(each.folder)]
+
+    def _listed(self) -> list[Recent]:
+        """Return the folders that were opened, those that cannot be seen now as well."""
         listed: list[Recent] = []
         with suppress(EndoctError):
             for each in read_object(self.folder / "recent.json").get("folders", []):
                 folder = Path(str(each.get("folder"))) if isinstance(each, dict) else None
-                if folder is not None and folder.is_absolute() and folder.is_dir():
+                if folder is not None and folder.is_absolute():
                     listed.append(Recent(folder, str(each.get("opened", ""))[:30]))
         return listed[:MOST_RECENT]
 
     def remember(self, folder: Path) -> None:
         """Put ``folder`` first among the recent ones."""
-        others = [each for each in self.recent() if each.folder != folder]
+        others = [each for each in self._listed() if each.folder != folder]
         listed = [Recent(folder, time.strftime("%Y-%m-%d %H:%M")), *others][:MOST_RECENT]
         text = json.dumps({"folders": [{"folder": str(each.folder), "opened": each.opened} for each in listed]})
         self._write("recent.json", text)

@@ -23,6 +23,7 @@ from endoct.workbench.kinds import KINDS, is_mask, places_in
 from endoct.workbench.page.wall import NoSuchTile
 from endoct.workbench.pipeline.information import describe_recording
 from endoct.workbench.pipeline.unread import MOST_ASKED, Unread, accompanies
+from endoct.workbench.running.interruption import stop_at_the_end
 from endoct.workbench.running.outputs import POSE, SPECIMEN
 
 FoundKind = Literal["recording", "volume", "plan", "pose"]
@@ -87,7 +88,7 @@ class Study:
         """Begin to look through the folder, unless that is under way."""
         with self._lock:
             if self._looking is None or not self._looking.is_alive():
-                self._looking = threading.Thread(target=self._look, daemon=True)
+                self._looking = threading.Thread(target=self._look)  # no daemon: see Reader.start
                 self._looking.start()
 
     def inputs(self) -> tuple[Input, ...]:
@@ -165,6 +166,7 @@ class Study:
         fault, names, unread = "", set(), Unread()
         try:
             for each in inputs_in(self.folder, unread):
+                stop_at_the_end()
                 names.add(each.name)
                 with self._lock:
                     self._inputs[each.name] = each

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 from starlette.background import BackgroundTask
@@ -19,6 +18,7 @@ from starlette.responses import FileResponse
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import kind_of
 from endoct.base.files.json_values import object_in
+from endoct.base.files.scratch import TemporaryFolder
 from endoct.workbench.exporting.formats import FORMATS, Format
 from endoct.workbench.exporting.source import Exportable, open_for_export
 from endoct.workbench.page.presence import Origin
@@ -87,7 +87,7 @@ class Exports:
         request = self._request(data)
         if FORMATS[request.to].is_folder:  # type: ignore[index]
             raise EndoctError(f"{request.to} is a folder", remedy="save it beside the result")
-        folder = TemporaryDirectory(prefix="endoct-export-")
+        folder = TemporaryFolder("export")
         made = Path(folder.name) / Path(request.output).name
         try:
             self._write(replace(request, output=made))

@@ -42,6 +42,6 @@ def write_note(folder: Path, text: object, was: object) -> str:
     if not note:
         path.unlink(missing_ok=True)
         return ""
-    with new_output(path, "note", overwrite=path.exists(), is_ours=lambda _: True) as scratch:
+    with new_output(path, "note", overwrite=path.exists(), is_ours=lambda _: read_note(folder) == was) as scratch:
         scratch.write_text(note, encoding="utf-8")
     return note

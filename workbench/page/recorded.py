@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 from PIL import Image as Pillow
 
 from endoct.base.errors import EndoctError, refusing
-from endoct.base.files.files import digests
+from endoct.base.files.files import digests, exists
 from endoct.modalities.contract import FrameStream, Manifest, Picture, Seen
 from endoct.modalities.illustration import illustrated
 from endoct.modalities.recognition import open_recording
 from endoct.stitching.store import PanoramaOutline
+from endoct.workbench.running.interruption import stop_at_the_end
+from endoct.workbench.running.refusals import in_one_line
 from endoct.workbench.sides.recordings import Watched
 
 State = Literal["unread", "reading", "read", "failed"]
@@ -65,7 +67,7 @@ def _at_hand(stated: Path, folder: Path) -> Path | None:
     """Return where the recording at the path ``stated`` lies now; None where it is nowhere."""
     here = folder.resolve()
     places = (stated, *(above / stated for above in (here, *here.parents)))
-    return next((place for place in places if place.exists()), None)
+    return next((place for place in places if exists(place)), None)
 
 
 def _within(inputs: Mapping[str, str], recording: Path) -> dict[str, str]:
@@ -109,7 +111,8 @@ class Reader:
             if self.state in ("reading", "read"):
                 return
             self.state = "reading"
-        threading.Thread(target=self._survey, daemon=True).start()
+        # no daemon: as Python ends, one that comes out of OpenCV would abort the process
+        threading.Thread(target=self._survey).start()
 
     def pictures(self, place: int) -> tuple[Picture, ...]:
         """Return the pictures of the frame at ``place`` in the order of ascending z.
@@ -130,10 +133,11 @@ class Reader:
         A store from elsewhere so leads to no file but those whose bytes its author had.
         """
         recording = self.recording
-        if recording.inputs != _within(digests(recording.path), recording.path):
+        if recording.inputs != _within(digests(recording.path, stop_at_the_end), recording.path):
             raise EndoctError(f"{recording.path} is not the recording that the panorama was made from, or was changed")
 
     def _advance(self, share: float) -> None:
+        stop_at_the_end()
         self.share = share
 
     def _survey(self) -> None:
@@ -149,8 +153,8 @@ class Reader:
                 parameters = implementation.parameters(**recording.parameters)
                 self._calibration = implementation.survey(self._stream, parameters)
                 self._order = np.argsort(self._calibration.per_frame["z_mm"], kind="stable").tolist()
-        except EndoctError as error:
-            self.said, self.state = str(error), "failed"
+        except (EndoctError, MemoryError) as error:
+            self.said, self.state = str(in_one_line(error)), "failed"
         else:
             self.state = "read"
 

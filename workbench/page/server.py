@@ -31,6 +31,7 @@ from endoct.workbench.page.presence import Gone, Origin, concerning
 from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import NoSuchTile, Tile
 from endoct.workbench.report.manual import manual_page
+from endoct.workbench.running.refusals import in_one_line
 
 FRESH = {"cache-control": "no-store"}
 LOOPBACK = frozenset(("127.0.0.1", "localhost", "[::1]"))
@@ -321,7 +322,12 @@ def _answering(
 _NOT_READ = _answering(404, say=lambda error: visible(cause_of(error)))  # the system has no such file, or refuses it
 
 
+_NO_MEMORY = _answering(500, FRESH, lambda error: str(in_one_line(error)))
+
+
 ANSWERS_TO_ERRORS: dict[Any, Any] = {
+    MemoryError: _NO_MEMORY,
+    RecursionError: _NO_MEMORY,
     NoSuchTile: _answering(404),
     Gone: _answering(410, FRESH),
     EndoctError: _answering(500),
@@ -371,6 +377,6 @@ class Page:
                     return ""
             try:
                 self._serve(self._open_anew())
-            except EndoctError as error:
-                return str(error)
+            except (EndoctError, OSError) as error:
+                return str(error) if isinstance(error, EndoctError) else visible(cause_of(error))
         return ""

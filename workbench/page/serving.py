@@ -239,14 +239,16 @@ class Collection:
             return open_shown(entry.path)
 
         with self._lock:
-            if entry.name not in self._pages:
-                again = f"{self._above}?of={quote(path_text(entry.name))}" if self._runs else ""
-                above = Link(self._above, self.title, again)
-                self._pages[entry.name] = Page(opened(), opened, host, port, above)
-                while len(self._pages) > MOST_OPEN:
-                    self._pages.popitem(last=False)
+            page = self._pages.get(entry.name)
+        if page is None:  # opened without the lock, which tiles of other pages need meanwhile
+            again = f"{self._above}?of={quote(path_text(entry.name))}" if self._runs else ""
+            page = Page(opened(), opened, host, port, Link(self._above, self.title, again))
+        with self._lock:
+            page = self._pages.setdefault(entry.name, page)
             self._pages.move_to_end(entry.name)
-            return self._pages[entry.name]
+            while len(self._pages) > MOST_OPEN:
+                self._pages.popitem(last=False)
+            return page
 
 
 async def answer_page(collection: Collection, host: str, port: int, scope: Scope, receive: Receive, send: Send) -> None:

@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Any
 
 from endoct.base.compute.own_process import undo_all
+from endoct.base.errors import EndoctError
 
 SIGNALS = signal.SIGINT, signal.SIGTERM
 PATIENCE_S = 1.3
@@ -35,6 +36,12 @@ def stop_if_interrupted() -> None:
     """Raise KeyboardInterrupt if one of the signals has arrived."""
     if _interrupted.is_set():
         raise KeyboardInterrupt
+
+
+def stop_at_the_end() -> None:
+    """Raise :class:`EndoctError` once the main thread has ended, which waits for threads that are no daemons."""
+    if not threading.main_thread().is_alive():
+        raise EndoctError("the program has ended")
 
 
 @contextmanager

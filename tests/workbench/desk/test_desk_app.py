@@ -16,6 +16,7 @@ from workbench_page import Served, application, post, serving
 
 from endoct.base.errors import EndoctError
 from endoct.base.files.contents import seal
+from endoct.base.files.scratch import scratch_next_to
 from endoct.workbench import summarise
 from endoct.workbench.desk.desk import Desk
 from endoct.workbench.desk.desk_app import desk_app, take_file
@@ -396,6 +397,13 @@ def test_nothing_is_dropped_elsewhere(tmp_path: Path, name: str):
     with pytest.raises(EndoctError):
         dropped(folder, name)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["away", "study"]
+
+
+def test_what_a_killed_server_left_of_a_drop_goes_with_the_next(tmp_path: Path):
+    with scratch_next_to(tmp_path / "b.png") as scratch:
+        shutil.copytree(scratch, scratch.with_name(f"{scratch.name}x"))  # nobody holds its lock
+    dropped(tmp_path, "b.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["b.png"]
 
 
 def test_a_drop_that_breaks_off_leaves_nothing(tmp_path: Path):

@@ -1,5 +1,9 @@
 """A sidecar as a form: every key with its meaning, and only what was changed is written."""
 
+import time
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +12,7 @@ import tifffile
 import tomlkit
 
 from endoct.base.errors import EndoctError
-from endoct.workbench.desk.sidecar_form import Previewer, sidecar_form
+from endoct.workbench.desk.sidecar_form import MOST_AT_ONCE, Previewer, sidecar_form
 
 MINE = """# written by hand
 bore_diameter_mm = 2.5   # the drill's
@@ -127,6 +131,54 @@ def test_a_frame_is_drawn_as_the_form_has_it(study: Path):
         assert (frame["x_label"], frame["y_label"]) == ("column (px)", "row (px)")  # keeps its shape
     finally:
         previewer.close()
+
+
+class Slow:
+    """A process that answers when it is told to."""
+
+    def __init__(self) -> None:
+        self.answers = Future[dict[str, str]]()
+        self.calls = 0
+
+    @contextmanager
+    def lent(self) -> Iterator["Slow"]:
+        """Take the place of :func:`worker_process`."""
+        yield self
+
+    def call(self, *_: object) -> Future[dict[str, str]]:
+        """Return the same answer to all."""
+        self.calls += 1
+        return self.answers
+
+
+def test_previews_leave_threads_for_other_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    slow = Slow()
+    monkeypatch.setattr("endoct.workbench.desk.sidecar_form.worker_process", slow.lent)
+    previewer = Previewer()
+    with ThreadPoolExecutor(MOST_AT_ONCE) as pool:
+        asked = [pool.submit(previewer.preview, tmp_path, None, {}, 0.5) for _ in range(MOST_AT_ONCE)]
+        while previewer._room._value:  # all of them are under way
+            time.sleep(0.01)
+        with pytest.raises(EndoctError, match="other frames are being drawn"):
+            previewer.preview(tmp_path, None, {}, 0.5)
+        slow.answers.set_result({"fault": ""})
+        assert [each.result() for each in asked] == [{"fault": ""}] * MOST_AT_ONCE
+    assert previewer.preview(tmp_path, None, {}, 0.5) == {"fault": ""}
+    previewer.close()
+
+
+def test_where_memory_ran_out_the_next_preview_has_a_new_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    full, then = Slow(), Slow()
+    full.answers.set_exception(MemoryError())
+    then.answers.set_result({"fault": ""})
+    processes = iter([full, then])
+    monkeypatch.setattr("endoct.workbench.desk.sidecar_form.worker_process", lambda: next(processes).lent())
+    previewer = Previewer()
+    with pytest.raises(MemoryError):
+        previewer.preview(tmp_path, None, {}, 0.5)
+    assert previewer.preview(tmp_path, None, {}, 0.5) == {"fault": ""}
+    assert (full.calls, then.calls) == (1, 1)
+    previewer.close()
 
 
 def test_nothing_wrong_is_saved_while_something_is_missing(endoscope: Path):

@@ -139,6 +139,24 @@ def test_the_state_is_its_users_alone(tmp_path: Path):
     assert len(State(tmp_path / "state").token) == 32
 
 
+def test_a_folder_that_cannot_be_seen_now_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    state, folders = State(tmp_path / "state"), [tmp_path / "away", tmp_path / "here"]
+    for folder in folders:
+        folder.mkdir()
+        state.remember(folder)
+
+    def seen(path: Path) -> bool:
+        if path == folders[0]:
+            raise PermissionError(13, "Permission denied", str(path))
+        return True
+
+    with monkeypatch.context() as hidden:
+        hidden.setattr(Path, "is_dir", seen)
+        assert [each.folder for each in state.recent()] == [folders[1]]
+        state.remember(folders[1])
+    assert [each.folder for each in state.recent()] == [folders[1], folders[0]]
+
+
 def test_what_is_odd_in_a_folder_hides_nothing_else(study: Path):
     (study / "itself").symlink_to(study / "itself")
     (study / "elsewhere.tif").symlink_to("/etc/hostname")

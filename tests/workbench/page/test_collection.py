@@ -6,7 +6,9 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,8 @@ from endoct.base.doubt import Doubt
 from endoct.base.errors import EndoctError
 from endoct.fusion.result import CellScores, Overlap, PairScores
 from endoct.workbench.page.collection import collection_html, read_collection, thumbnail
+from endoct.workbench.page.opening import open_shown
+from endoct.workbench.page.serving import Collection
 
 HOSTILE = '<img src=x onerror="document.title=1">&'
 
@@ -110,6 +114,26 @@ def test_thumbnails_show_the_wall(folder: Path):
     assert shown[..., 3].min() == 0  # not observed, and between strips
     truth = np.asarray(Image.open(io.BytesIO(thumbnail(read_collection(folder / "specimen" / "..")[-1]))))
     assert truth.shape[2] == 4
+
+
+def test_a_page_that_opens_slowly_holds_up_no_other(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    collection = Collection(folder, read_collection(folder))
+    quick, slow = (collection.called(name) for name in ("first/bore-2", "first/bore-10"))
+    assert quick is not None
+    assert slow is not None
+    page, may_go_on = collection.page(quick, "localhost", 1), Event()
+
+    def opened_late(path: Path) -> Any:
+        may_go_on.wait()
+        return open_shown(path)
+
+    monkeypatch.setattr("endoct.workbench.page.serving.open_shown", opened_late)
+    with ThreadPoolExecutor(2) as pool:
+        asked = [pool.submit(collection.page, slow, "localhost", 1) for _ in range(2)]
+        assert collection.page(quick, "localhost", 1) is page
+        may_go_on.set()
+        one, two = (each.result() for each in asked)
+    assert one is two
 
 
 def test_each_has_its_page_under_an_address_of_its_own(served: Served):

@@ -4,9 +4,11 @@ import base64
 import io
 import json
 import shutil
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -125,6 +127,38 @@ def test_another_recording_in_its_place_is_not_read(endoscope: Path):
     reader = read(Reader(replace(recording, inputs=dict.fromkeys(recording.inputs, "0" * 64))))
     assert reader.state == "failed"
     assert "is not the recording that the panorama was made from" in reader.said
+
+
+@pytest.mark.parametrize(
+    ("place", "raised", "said"),
+    [
+        ("endoct.workbench.page.recorded.open_recording", MemoryError("8 GB"), "memory ran out"),
+        ("threading.main_thread", None, "the program has ended"),
+    ],
+)
+def test_reading_again_ends_where_it_cannot_go_on(
+    endoscope: Path, monkeypatch: pytest.MonkeyPatch, place: str, raised: Exception | None, said: str
+):
+    def changed(*_: object, **__: object) -> Any:
+        if raised is not None:
+            raise raised
+        return threading.Thread()  # one that is not alive
+
+    recording = recording_of(read_outline(endoscope), endoscope)
+    assert recording is not None
+    monkeypatch.setattr(place, changed)
+    reader = read(Reader(recording))
+    assert reader.state == "failed"
+    assert said in reader.said
+
+
+def test_a_recording_where_nobody_may_look_is_none(endoscope: Path, monkeypatch: pytest.MonkeyPatch):
+    def denied(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    outline = read_outline(endoscope)
+    monkeypatch.setattr(Path, "exists", denied)
+    assert recording_of(outline, endoscope) is None
 
 
 def test_a_recording_is_found_from_another_folder(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

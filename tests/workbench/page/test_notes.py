@@ -46,6 +46,19 @@ def test_a_note_of_somebody_else_is_kept(tmp_path: Path):
     assert not (tmp_path / "elsewhere").exists()
 
 
+def test_of_two_windows_that_save_at_once_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write_note(tmp_path, "before", "")
+
+    def meanwhile(folder: Path) -> None:
+        monkeypatch.undo()
+        write_note(folder, "theirs", "before")
+
+    monkeypatch.setattr("endoct.workbench.page.notes.whole_of", meanwhile)
+    with pytest.raises(EndoctError):
+        write_note(tmp_path, "mine", "before")
+    assert read_note(tmp_path) == "theirs"
+
+
 def test_a_part_of_an_output_is_left_alone(tmp_path: Path):
     (tmp_path / "part").mkdir()
     (tmp_path / "part" / "file").write_text("x")

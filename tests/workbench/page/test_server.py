@@ -14,6 +14,7 @@ from workbench_page import Served, written
 from endoct.base.errors import EndoctError
 from endoct.workbench.page.opening import open_shown
 from endoct.workbench.page.serving import listening_socket, name_in_browsers
+from endoct.workbench.page.shown import Shown
 from endoct.workbench.page.wall import Tile
 
 
@@ -120,6 +121,16 @@ def test_the_names_of_this_machine_are_served(served: Served):
     for name in ("localhost", "127.0.0.1"):
         assert served.get("/description.json", Host=f"{name}:{served.port}")[0] == 200
     assert served.get("/description.json", Origin=f"http://127.0.0.1:{served.port}")[0] == 200
+
+
+def test_where_memory_runs_out_one_line_says_so(served: Served, monkeypatch: pytest.MonkeyPatch):
+    def full(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(Shown, "pictures", full)
+    status, said, _ = served.get("/pictures/v/oct/7.json")
+    assert (status, said.decode().count("\n")) == (500, 0)
+    assert said.startswith(b"memory ran out")
 
 
 def test_nothing_can_be_written(served: Served):
