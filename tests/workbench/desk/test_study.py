@@ -145,13 +145,13 @@ def test_a_folder_that_cannot_be_seen_now_is_remembered(tmp_path: Path, monkeypa
         folder.mkdir()
         state.remember(folder)
 
-    def seen(path: Path) -> bool:
+    def is_seen(path: Path) -> bool:
         if path == folders[0]:
             raise PermissionError(13, "Permission denied", str(path))
         return True
 
     with monkeypatch.context() as hidden:
-        hidden.setattr(Path, "is_dir", seen)
+        hidden.setattr(Path, "is_dir", is_seen)
         assert [each.folder for each in state.recent()] == [folders[1]]
         state.remember(folders[1])
     assert [each.folder for each in state.recent()] == [folders[1], folders[0]]
