@@ -80,15 +80,12 @@ export class FrameDrawer {
     let isWhole = true;
     for (const [one, place] of places) {
       if (place === null) continue;
-      try {
-        for (const picture of (await this.source.pictures(one.side, place)) ?? []) {
-          const image = new Image();
-          image.src = picture.image;
-          await image.decode();
-          found.push({ picture, image, canvas: element("canvas"), frames: one, place });
-        }
-      } catch {
-        isWhole = false; // the others are shown
+      const pictures = await this.source.pictures(one.side, place).catch(() => undefined);
+      if (pictures === undefined) isWhole = false;
+      for (const picture of pictures ?? []) {
+        const image = await decoded(picture.image);
+        if (image) found.push({ picture, image, canvas: element("canvas"), frames: one, place });
+        else isWhole = false;
       }
     }
     if (this.shown !== wanted) return; // the place was moved on meanwhile
@@ -190,6 +187,13 @@ export class FrameDrawer {
       drawPicture(canvas, image, picture, this.stylesOf(frames.side), marked || null);
     }
   }
+}
+
+/** An image that can be drawn; null where it is none. */
+async function decoded(address: string): Promise<HTMLImageElement | null> {
+  const image = new Image();
+  image.src = address;
+  return image.decode().then(() => image, () => null);
 }
 
 /** "frame 20, z = 4.04 mm": counted from 0 in the order of z, as in the report; z on the wall that panes show. */
