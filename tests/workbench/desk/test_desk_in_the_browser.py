@@ -252,6 +252,46 @@ def test_nothing_is_entered_into_a_form_that_is_about_to_be_replaced(
         watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal
 
 
+def test_a_button_can_be_pressed_while_the_folder_is_looked_through_and_no_answer_ends_that(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
+        page = watched.page
+        says(page, ".desk [role=status]", "^2$")
+        answers = list[str]()
+        answer = ["looking"]
+
+        def found(route: Any) -> None:
+            answers.append(answer[0])
+            if answer[0] == "failed":
+                route.fulfill(status=503, body="not just now")
+            else:
+                route.fulfill(json=route.fetch().json() | {"looking": answer[0] == "looking"})
+
+        def answered(which: str) -> None:
+            answer[0] = which
+            before = answers.count(which)
+            while answers.count(which) < before + 3 and which != "found":
+                page.wait_for_timeout(50)
+
+        page.route("**/found.json", found)
+        page.click("text=look again")
+        answered("looking")
+        button = page.locator(".inputs tr[data-name='bore-1/oct'] button:has-text('unroll')").bounding_box()
+        page.mouse.move(button["x"] + button["width"] / 2, button["y"] + button["height"] / 2)
+        page.mouse.down()
+        answered("looking")
+        page.mouse.up()
+        page.wait_for_selector("dialog")
+        page.keyboard.press("Escape")
+        answered("failed")
+        says(page, ".fault", "not just now")
+        answered("found")
+        says(page, ".desk [role=status]", "^2$")
+        assert page.locator(".fault").first.inner_text() == ""
+        watched.errors[:] = [one for one in watched.errors if "503" not in one]  # Chromium notes the failures
+
+
 def test_it_is_used_by_keyboard_alone(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, f"{desk.root}/", ".folders li") as watched:
         page = watched.page
