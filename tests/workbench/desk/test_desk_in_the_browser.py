@@ -211,6 +211,87 @@ def test_what_is_wrong_is_said_while_it_is_entered(chromium: Any, served: Served
         watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal
 
 
+def test_nothing_is_entered_into_a_form_that_is_about_to_be_replaced(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    address = f"{desk.open(study).address}recording?name=bore-1/oct"
+    with page_of(chromium, served, address, "figure canvas") as watched:
+        page = watched.page
+        held = list[Any]()
+        for asked in ("**/sidecar.json?*modality=*", "**/sidecar"):
+            page.route(asked, lambda route: held.append(route))
+        diameter, instrument = page.locator("#key-bore_diameter_mm"), page.get_by_label("which instrument recorded it")
+        before, was = diameter.input_value(), instrument.input_value()
+
+        def type_there(held_by_then: int) -> None:
+            while len(held) < held_by_then:
+                page.wait_for_timeout(20)
+            diameter.evaluate("node => node.focus()")
+            page.keyboard.type("9")
+
+        others = instrument.locator("option").evaluate_all("all => all.map(option => option.value)")
+        instrument.select_option(next(other for other in others if other != was))
+        type_there(1)
+        assert diameter.input_value() == before
+        held[0].fulfill(status=409, body="that instrument did not record it")
+        says(page, ".fault", "did not record it")
+        assert instrument.input_value() == was
+        page.wait_for_timeout(1000)
+        says(page, ".fault", "did not record it")  # nothing is drawn that would hide it
+        type_there(1)
+        assert diameter.input_value() != before
+        diameter.fill("2.75")
+        says(page, ".desk [role=status]", "Not saved yet.$")
+        page.click("button:text('Save')")
+        type_there(2)
+        assert diameter.input_value() == "2.75"
+        held[1].continue_()
+        says(page, ".desk [role=status]", "It is saved.$")
+        assert diameter.input_value() == "2.75"
+        assert keys_of(study / "bore-1" / "oct" / "acquisition.toml")["bore_diameter_mm"] == "2.75"
+        watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal
+
+
+def test_a_button_can_be_pressed_while_the_folder_is_looked_through_and_no_answer_ends_that(
+    chromium: Any, served: Served, desk: Desk, study: Path
+):
+    with page_of(chromium, served, desk.open(study).address, ".inputs tr[data-name]") as watched:
+        page = watched.page
+        says(page, ".desk [role=status]", "^2$")
+        answers = list[str]()
+        answer = ["looking"]
+
+        def found(route: Any) -> None:
+            answers.append(answer[0])
+            if answer[0] == "failed":
+                route.fulfill(status=503, body="not just now")
+            else:
+                route.fulfill(json=route.fetch().json() | {"looking": answer[0] == "looking"})
+
+        def answered(which: str) -> None:
+            answer[0] = which
+            before = answers.count(which)
+            while answers.count(which) < before + 3 and which != "found":
+                page.wait_for_timeout(50)
+
+        page.route("**/found.json", found)
+        page.click("text=look again")
+        answered("looking")
+        button = page.locator(".inputs tr[data-name='bore-1/oct'] button:has-text('unroll')").bounding_box()
+        page.mouse.move(button["x"] + button["width"] / 2, button["y"] + button["height"] / 2)
+        page.mouse.down()
+        answered("looking")
+        page.mouse.up()
+        page.wait_for_selector("dialog")
+        page.keyboard.press("Escape")
+        answered("failed")
+        says(page, ".fault", "not just now")
+        answered("found")
+        says(page, ".desk [role=status]", "^2$")
+        assert page.locator(".fault").first.inner_text() == ""
+        watched.errors[:] = [one for one in watched.errors if "503" not in one]  # Chromium notes the failures
+
+
 def test_it_is_used_by_keyboard_alone(chromium: Any, served: Served, desk: Desk, study: Path):
     with page_of(chromium, served, f"{desk.root}/", ".folders li") as watched:
         page = watched.page

@@ -331,6 +331,39 @@ def test_it_closes_and_opens_again(page: Watched):
         open_cylinder(page)
 
 
+def test_a_shape_that_is_answered_late_is_not_shown_for_a_newer_choice(page: Watched):
+    look(page, "side", opening_deg=150, cut_deg=round(math.degrees(2.0)) + 180)
+    relief = shown(page)
+    held = list[Any]()
+    page.page.route("**/relief/**", lambda route: held.append(route))
+    shape = page.page.locator(".cylinder header select").nth(1)
+    choose(page, shape="")  # with nothing to fetch
+    smooth = shown(page)
+    assert np.abs(relief - smooth).max() > 40
+    shape.select_option("oct-relief")
+    choose(page, shape="")
+    assert held
+    for route in held:
+        with page.page.expect_response("**/relief/**"):
+            route.continue_()
+    page.page.wait_for_timeout(1000)
+    drawn(page)
+    assert np.abs(shown(page) - smooth).max() <= 3
+    page.page.unroute("**/relief/**")
+
+
+def test_a_shape_that_cannot_be_fetched_is_no_smooth_bore(page: Watched):
+    choose(page, shape="")
+    page.page.route("**/relief/**", lambda route: route.fulfill(status=503, body="not now"))
+    choose(page, shape="oct-relief")
+    assert "the shape could not be fetched" in page.page.locator(".cylinder .said").inner_text()
+    page.page.unroute("**/relief/**")
+    choose(page, shape="")
+    choose(page, shape="oct-relief")
+    assert page.page.locator(".cylinder .said").inner_text() == ""
+    page.errors[:] = [one for one in page.errors if "503" not in one]  # Chromium notes the refusal
+
+
 def test_the_offline_file_has_it_too(chromium: Any, comparison: Path, tmp_path: Path):
     path = tmp_path / "report.html"
     shown_there = open_shown(comparison)

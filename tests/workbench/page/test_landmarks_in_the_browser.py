@@ -251,3 +251,36 @@ def test_the_offline_file_downloads_a_session(chromium: Any, folder: Path, tmp_p
     assert session.notes == noted.notes
     assert session.sides == shown.session.identities
     assert json.loads((tmp_path / "session.json").read_text())["pairs"][0]["role"] == "correct"
+
+
+def test_a_name_that_is_being_typed_stays_where_the_list_is_drawn_anew(page: Watched):
+    held: list[Any] = []
+    page.page.keyboard.press("m")
+    page.page.route("**/landmarks.json*", lambda route: held.append(route))
+    place(page, 20, 3)
+    name = page.page.get_by_label("name of pair 1")
+    name.fill("rim")
+    name.press("ArrowLeft")
+    while not held:
+        page.page.wait_for_timeout(20)
+    page.page.route("**/landmarks.json*", lambda route: route.continue_())
+    held[0].continue_()
+    distances(page, 3)
+    page.page.keyboard.type("o")
+    assert name.input_value() == "riom"
+
+
+def test_a_session_that_could_not_be_read_is_asked_for_again(page: Watched, folder: Path):
+    page.page.route("**/session.json*", lambda route: route.fulfill(status=503, body="not now"))
+    page.page.reload()
+    page.settle()
+    page.page.keyboard.press("m")
+    place(page, 20, 3)
+    save = page.page.locator(".landmarks").get_by_role("button", name="save session")
+    save.click()
+    page.page.locator(".landmarks .refused", has_text="nothing was saved").wait_for()
+    page.page.unroute("**/session.json*")
+    save.click()
+    page.page.wait_for_function("() => !/not saved/.test(document.querySelector('.landmarks h2').innerText)")
+    assert len(read_session(folder / "session.json").pairs) == 1
+    page.errors[:] = [one for one in page.errors if "503" not in one]  # Chromium notes the refusals

@@ -86,3 +86,57 @@ def test_a_server_that_is_gone_is_said_not_raised(chromium: Any, tmp_path: Path)
         page.mouse.click(box["x"] + 60, box["y"] + 60)  # asks for outlines
         page.wait_for_selector(".masks >> text=the server does not answer")
         watched.errors[:] = [one for one in watched.errors if "ERR_FAILED" not in one]  # Chromium notes what it lacks
+
+
+def test_a_recording_is_read_once_however_the_pointer_moves(chromium: Any, tmp_path: Path):
+    with serving(written(tmp_path / "result")) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        begun = list[Any]()
+
+        def described(route: Any) -> None:
+            description = route.fetch().json()
+            for frames, recording in zip(description["frames"], ("recorded", ""), strict=True):
+                frames |= {"recording": recording, "pictured": []}
+            route.fulfill(json=description)
+
+        page.route("**/description.json*", described)
+        page.route("**/reading/**", lambda route: begun.append(route))
+        page.reload()
+        page.wait_for_selector(".pane[data-z-mm]")
+        watched.settle()
+        box = page.locator(".view").nth(1).bounding_box()
+
+        def move() -> None:
+            for k in range(10):
+                page.mouse.move(box["x"] + 60 + 5 * k, box["y"] + 60)
+                page.wait_for_timeout(50)
+
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        move()
+        assert [route.request.method for route in begun] == ["POST"]
+        begun[0].fulfill(json={"state": "failed", "share": 0, "said": "no such file"})
+        page.locator(".drawer .said", has_text="no such file").wait_for()
+        move()
+        assert len(begun) == 1  # it is not begun anew unless that is asked for
+        page.locator(".drawer button", has_text="every").click()
+        move()
+        assert [route.request.method for route in begun] == ["POST"] * 2
+
+
+def test_a_picture_that_is_none_is_left_out_and_asked_for_again(chromium: Any, tmp_path: Path):
+    folder = shown(tmp_path / "seen", np.zeros(N_THETA), 1.5)
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+
+        def broken(route: Any) -> None:
+            first, *others = route.fetch().json()
+            route.fulfill(json=[first | {"image": "data:image/png;base64,AAAA"}, *others])
+
+        page.route("**/pictures/**", broken)
+        mark(watched, 100.0)
+        page.wait_for_timeout(300)
+        some = page.locator(".drawer figure").count()
+        page.unroute("**/pictures/**")
+        box = page.locator(".view").nth(1).bounding_box()
+        page.mouse.move(box["x"] + 60, box["y"] + 60)
+        page.wait_for_function("some => document.querySelectorAll('.drawer figure').length === 2 * some", arg=some)

@@ -131,3 +131,35 @@ def test_a_refusal_that_comes_late_is_not_said_of_what_was_drawn_since(chromium:
         page.wait_for_timeout(1000)
         assert page.locator(".masks .refused").count() == 0
         watched.errors[:] = [one for one in watched.errors if "409" not in one]  # Chromium notes the refusal
+
+
+def test_a_mask_is_saved_once_and_under_the_number_that_was_typed(chromium: Any, tmp_path: Path):
+    folder = written(tmp_path / "result")
+    with serving(folder) as served, opened(chromium, served.url) as watched:
+        page = watched.page
+        asked = list[Any]()
+        page.route("**/masks.json*", lambda route: asked.append(route))
+        page.keyboard.press("d")
+        page.wait_for_selector(".masks:not([hidden])")
+        page.select_option("[aria-label='over what']", "")
+        view = page.locator(".pane .view").first.bounding_box()
+        for k in range(3):
+            page.mouse.click(view["x"] + view["width"] / 2 + 20 * k, view["y"] + view["height"] / 2)
+            page.wait_for_timeout(100)
+        assert [route.request.method for route in asked] == ["GET"]  # however much is drawn meanwhile
+        session = page.locator(".masks [aria-label='session']")
+        session.fill("7")
+        with page.expect_response("**/masks.json*"):
+            asked[0].continue_()
+        page.wait_for_timeout(300)
+        assert session.input_value() == "7"
+        for _ in range(2):
+            page.click(".masks >> text=save mask")
+            page.wait_for_timeout(300)
+        assert [route.request.method for route in asked] == ["GET", "POST"]
+        page.route("**/masks.json*", lambda route: route.continue_())
+        asked[1].continue_()
+        page.wait_for_selector(".masks >> text=Saved. Score against it")
+        page.wait_for_selector(".masks button:text-is('me_7')")
+        assert drawn(folder, "me_7").any()
+        assert session.input_value() == "1"  # the next one without a mask

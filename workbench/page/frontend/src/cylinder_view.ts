@@ -40,7 +40,8 @@ export class CylinderView {
   private shape = SMOOTH;
   /** Whose outlines are laid over it, as they are drawn anew only when that changes. */
   private outlined = "";
-  private asked = 0;
+  /** Counts what was chosen: what is answered late to an older choice is not shown. */
+  private filling = 0;
   /** As long as nobody can have turned it. */
   private isNew = true;
   /** Where along z the shape is known. */
@@ -77,7 +78,7 @@ export class CylinderView {
   }
 
   destroy(): void {
-    this.asked += 1;
+    this.filling += 1;
     this.resized.disconnect();
     this.scene?.dispose();
     this.scene = null;
@@ -149,10 +150,10 @@ export class CylinderView {
   private async open(): Promise<void> {
     this.said.textContent = whyNoCylinder() || "One moment …";
     if (this.said.textContent !== "One moment …") return;
-    const asked = this.asked;
+    const { filling } = this;
     try {
       const { CylinderScene: Scene } = await cylinderProgram();
-      if (asked !== this.asked) return;
+      if (filling !== this.filling) return;
       this.scene = new Scene(this.canvas, this.wall.part, () => this.draw());
       this.scene.resize();
       this.recut();
@@ -164,33 +165,42 @@ export class CylinderView {
 
   /** Shape and picture anew. */
   private async fill(): Promise<void> {
+    if (!this.scene) return; // it is filled once it is there
+    this.filling += 1;
+    const { filling } = this;
+    const wants = (): boolean => filling === this.filling;
     delete this.element.dataset["filled"];
     try {
-      await this.bend();
-      await this.paint();
+      await this.bend(wants);
+      await this.paint(wants);
+      if (!wants()) return;
       this.recolour();
       this.remark();
     } catch (error) {
+      if (!wants()) return;
       this.said.textContent = `No view in three dimensions: ${error instanceof Error ? error.message : String(error)}`;
     }
     this.element.dataset["filled"] = ""; // for whoever drives the page by a program, as is all of these
   }
 
-  private async bend(): Promise<void> {
+  private async bend(wants: () => boolean): Promise<void> {
     // within the volume the relief still says where the wall is
     const shape = this.shape === VOLUME ? `${this.state.layer(this.layer).side}-relief` : this.shape;
     const bytes = shape === SMOOTH ? null : await this.source.relief(shape);
+    if (!wants()) return;
+    if (!bytes && this.shape !== SMOOTH && this.shape !== VOLUME) throw new Error("the shape could not be fetched");
     const relief = bytes ? readRelief(bytes) : smoothRelief(this.wall);
     this.known = knownRange(relief);
     this.scene?.setSurface(surfaceOf(relief, this.wall.part.radius_mm));
-    await this.fillVolume();
+    await this.fillVolume(wants);
   }
 
-  private async fillVolume(): Promise<void> {
+  private async fillVolume(wants: () => boolean): Promise<void> {
     this.controls.showLimit(this.shape === VOLUME);
     if (this.shape === VOLUME) {
       this.said.textContent = "One moment …";
       const bytes = await this.source.volume();
+      if (!wants()) return;
       this.said.textContent = "";
       if (!bytes) throw new Error("the volume could not be fetched");
       this.scene?.setVolume(readVolume(bytes));
@@ -198,14 +208,12 @@ export class CylinderView {
     } else this.scene?.setVolume(null);
   }
 
-  private async paint(): Promise<void> {
+  private async paint(wants: () => boolean): Promise<void> {
     const { scene, layer } = this;
-    if (!scene) return;
-    this.asked += 1;
-    const asked = this.asked;
+    if (!scene || !wants()) return;
     const finest = wholeLevel(this.source, this.wall, layer, scene.largestPicture);
     for (const level of new Set([Math.min(FIRST_LEVEL, finest), finest])) {
-      const picture = await wholeWall(this.source, this.wall, layer, level, () => asked === this.asked);
+      const picture = await wholeWall(this.source, this.wall, layer, level, wants);
       if (!picture) return;
       scene.setPicture(picture, wholeLength_mm(this.wall, level), this.state.layer(layer).kind === "scalar");
       this.said.textContent = "";

@@ -29,6 +29,7 @@ class RecordingPage {
   private readonly save = element("button", { type: "submit", class: "chief" }, "Save");
   private readonly controls = new Map<string, HTMLInputElement | HTMLSelectElement>();
   private readonly styles = new CurveStyles();
+  private instrument: HTMLSelectElement | null = null;
   private sidecar: Sidecar | null = null;
   private drawn: { canvas: HTMLCanvasElement; image: HTMLImageElement; picture: FramePicture }[] = [];
   private busy = false;
@@ -54,7 +55,25 @@ class RecordingPage {
     await this.load(null);
   }
 
-  private async load(modality: string | null): Promise<void> {
+  /** Let nothing be entered until it is answered: it would be lost with the form that the answer replaces. */
+  private async held(asked: () => Promise<void>): Promise<void> {
+    const focused = document.activeElement;
+    this.form.inert = true;
+    try {
+      await asked();
+    } catch (error) {
+      this.fault.textContent = message(error);
+    } finally {
+      this.form.inert = false;
+    }
+    if (focused instanceof HTMLElement && this.form.contains(focused)) focused.focus(); // which what is inert cannot have
+  }
+
+  private load(modality: string | null): Promise<void> {
+    return this.held(() => this.loaded(modality));
+  }
+
+  private async loaded(modality: string | null): Promise<void> {
     try {
       const asked = named("sidecar.json", this.name) + (modality ? `&modality=${encodeURIComponent(modality)}` : "");
       this.sidecar = await ask<Sidecar>(asked);
@@ -64,6 +83,7 @@ class RecordingPage {
     } catch (error) {
       this.fault.textContent = message(error);
       if (!this.sidecar) this.form.replaceChildren(this.kinds(""));
+      else if (this.instrument) this.instrument.value = this.sidecar.modality;
     }
   }
 
@@ -71,6 +91,8 @@ class RecordingPage {
   private kinds(chosen: string): HTMLElement {
     const kinds = (this.main.dataset["modalities"] ?? "").split(" ");
     const list = select("which instrument recorded it", kinds.map((kind) => [kind, kind] as const), chosen, (kind) => void this.load(kind));
+    this.instrument = list;
+    list.addEventListener("input", (event) => event.stopPropagation()); // a frame drawn of the former one would hide why it is refused
     return element("div", { class: "field" }, element("label", {}, "instrument", element("small", {}, "what recorded it")), list);
   }
 
@@ -187,12 +209,11 @@ class RecordingPage {
   }
 
   private async store(): Promise<void> {
-    if (!this.sidecar) return;
-    try {
-      await post("sidecar", { name: this.name, modality: this.sidecar.modality, texts: this.texts(), based_on: this.sidecar.digest });
-      await this.load(null);
-    } catch (error) {
-      this.fault.textContent = message(error);
-    }
+    const { name, sidecar } = this;
+    if (!sidecar) return;
+    await this.held(async () => {
+      await post("sidecar", { name, modality: sidecar.modality, texts: this.texts(), based_on: sidecar.digest });
+      await this.loaded(null);
+    });
   }
 }

@@ -28,6 +28,10 @@ class StudyPage {
   private found: Found = { looking: true, fault: "", inputs: [], unread: { count: 0, files: [] }, pairs: [] };
   private entries: Result[] = [];
   private asked = 0;
+  /** Why it is not known what was found, as long as that is so. */
+  private lost = "";
+  /** What each table shows: it is made anew only for another, as a press of a button that is replaced is lost. */
+  private readonly shown = new Map<string, string>();
   private readonly study: Study = {
     form: (command) => this.forms[command], inputs: () => this.found.inputs, paths: () => this.paths(), free: (name) => this.free(name),
     queued: () => this.queue.follow(), refuse: (text) => (this.fault.textContent = text),
@@ -62,8 +66,10 @@ class StudyPage {
 
   /** Look through the folder anew. */
   private async look(): Promise<void> {
+    this.shown.clear(); // pictures may be others
     try {
       await post("look");
+      this.found = { ...this.found, looking: true };
     } catch (error) {
       this.fault.textContent = message(error);
     }
@@ -77,15 +83,16 @@ class StudyPage {
   }
 
   private async follow(): Promise<void> {
-    try {
-      for (;;) {
+    for (;;) {
+      try {
         this.found = await ask<Found>("found.json");
+        if (this.fault.textContent === this.lost) this.fault.textContent = "";
         this.showInputs();
-        if (!this.found.looking) return;
-        await new Promise((done) => setTimeout(done, LOOK_MS));
+      } catch (error) {
+        this.fault.textContent = this.lost = message(error);
       }
-    } catch (error) {
-      this.fault.textContent = message(error);
+      if (!this.found.looking) return;
+      await new Promise((done) => setTimeout(done, LOOK_MS));
     }
   }
 
@@ -93,9 +100,18 @@ class StudyPage {
     const { inputs, looking, fault } = this.found;
     this.said.textContent = looking ? `looking… ${inputs.length} found` : inputs.length ? String(inputs.length) : "none found: drop recordings here, or simulate a specimen";
     if (fault) this.fault.textContent = fault;
-    this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
-    this.unread.replaceChildren(...(looking ? [] : unreadFiles(this.found.unread, "in this folder")));
-    this.pairs.show(looking ? [] : this.found.pairs, this.entries);
+    const unread = looking ? [] : unreadFiles(this.found.unread, "in this folder");
+    const pairs = looking ? [] : this.found.pairs;
+    if (this.isNew("inputs", [inputs, this.found.pairs, Object.keys(this.forms)])) this.inputs.replaceChildren(...inputs.map((item) => this.inputRow(item)));
+    if (this.isNew("unread", [looking, this.found.unread])) this.unread.replaceChildren(...unread);
+    if (this.isNew("pairs", [pairs, this.entries])) this.pairs.show(pairs, this.entries);
+  }
+
+  private isNew(table: string, of: unknown): boolean {
+    const text = JSON.stringify(of);
+    const isNew = this.shown.get(table) !== text;
+    this.shown.set(table, text);
+    return isNew;
   }
 
   private inputRow(item: Item): HTMLElement {
@@ -188,7 +204,7 @@ class StudyPage {
       return;
     }
     this.showInputs();
-    this.results.show(this.entries);
+    if (this.isNew("results", [this.entries, this.found.inputs])) this.results.show(this.entries); // steps name inputs
   }
 }
 

@@ -34,6 +34,18 @@ export function select(
   return made;
 }
 
+/** Draw anew what may be written in: its text is taken first, and the focus and the caret are put back. */
+export function redraw(body: HTMLElement, draw: () => void): void {
+  const active = document.activeElement;
+  const at = active instanceof HTMLElement && body.contains(active) ? active.dataset["at"] : undefined;
+  const caret = active instanceof HTMLInputElement ? ([active.selectionStart, active.selectionEnd] as const) : null;
+  if (at) (active as HTMLElement).blur(); // what is written there is taken
+  draw();
+  const again = at ? body.querySelector<HTMLElement>(`[data-at="${at}"]`) : null;
+  again?.focus();
+  if (caret && again instanceof HTMLInputElement) again.setSelectionRange(...caret);
+}
+
 /** A canvas's context in CSS pixels, cleared; its store is as fine as the screen. */
 export function context(canvas: HTMLCanvasElement): CanvasRenderingContext2D | null {
   const scale = window.devicePixelRatio || 1;

@@ -77,19 +77,22 @@ export class FrameDrawer {
     }
     this.shown = wanted;
     const found: Drawn[] = [];
+    let isWhole = true;
     for (const [one, place] of places) {
       if (place === null) continue;
-      for (const picture of (await this.source.pictures(one.side, place)) ?? []) {
-        const image = new Image();
-        image.src = picture.image;
-        await image.decode();
-        found.push({ picture, image, canvas: element("canvas"), frames: one, place });
+      const pictures = await this.source.pictures(one.side, place).catch(() => undefined);
+      if (pictures === undefined) isWhole = false;
+      for (const picture of pictures ?? []) {
+        const image = await decoded(picture.image);
+        if (image) found.push({ picture, image, canvas: element("canvas"), frames: one, place });
+        else isWhole = false;
       }
     }
     if (this.shown !== wanted) return; // the place was moved on meanwhile
     this.drawn = found;
     this.body.replaceChildren(...found.map((one) => this.figure(one)));
     this.draw();
+    if (!isWhole) this.shown = ""; // the next step asks again
   }
 
   private stylesOf(side: string): CurveStyles {
@@ -133,12 +136,14 @@ export class FrameDrawer {
     });
     this.said.textContent = [...texts, ...readings].join("; ");
     this.actions.replaceChildren(
-      ...places.filter(([one]) => one.recording && !this.readings.has(one.side)).map(([one]) =>
+      ...places.filter(([one]) => one.recording && ["none", "failed"].includes(this.readings.get(one.side)?.state ?? "none")).map(([one]) =>
         button(`every ${one.frame_dim} of ${one.side}`, `read ${one.recording} again, for pictures of every ${one.frame_dim}`, null, () => void this.read(one))),
     );
   }
 
   private async read(frames: FramesPart): Promise<void> {
+    if (this.readings.get(frames.side)?.state === "reading") return;
+    this.readings.set(frames.side, { state: "reading", share: 0, said: "" }); // at once: whoever points elsewhere meanwhile begins no other
     let reading = await this.source.reading(frames.side, true);
     for (;;) {
       this.readings.set(frames.side, reading);
@@ -182,6 +187,13 @@ export class FrameDrawer {
       drawPicture(canvas, image, picture, this.stylesOf(frames.side), marked || null);
     }
   }
+}
+
+/** An image that can be drawn; null where it is none. */
+async function decoded(address: string): Promise<HTMLImageElement | null> {
+  const image = new Image();
+  image.src = address;
+  return image.decode().then(() => image, () => null);
 }
 
 /** "frame 20, z = 4.04 mm": counted from 0 in the order of z, as in the report; z on the wall that panes show. */

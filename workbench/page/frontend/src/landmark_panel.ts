@@ -1,6 +1,6 @@
 /** The list of landmark pairs: what each is for, how far apart its ends lie, and what all of them say together. */
 
-import { button, element, select } from "./dom";
+import { button, element, redraw, select } from "./dom";
 import { explain } from "./explain";
 import type { Distance, Distances, Judged, Pair, Role, SessionState } from "./landmarks";
 import type { Source } from "./source";
@@ -18,6 +18,7 @@ export class LandmarkPanel {
   private session: SessionState | null = null;
   private asked = "";
   private asking = false;
+  private loading = true;
   private saving = false;
   private message = "";
 
@@ -40,7 +41,9 @@ export class LandmarkPanel {
   }
 
   async load(): Promise<void> {
-    this.session = await this.source.session();
+    this.loading = true;
+    this.session = await this.source.session().catch(() => null);
+    this.loading = false;
     if (this.session) {
       this.state.landmarks.load(this.session);
       this.state.landmarks.judged = this.session.judged;
@@ -67,6 +70,10 @@ export class LandmarkPanel {
       const judged = await this.source.judge(pairs).catch(() => null);
       if (landmarks.pairs === pairs) landmarks.judged = judged;
       this.draw();
+      if (!judged && JSON.stringify(landmarks.pairs) === wanted) {
+        this.asked = ""; // the next step asks again
+        break;
+      }
     }
     this.asking = false;
   }
@@ -87,15 +94,15 @@ export class LandmarkPanel {
         this.saveButton()));
     this.hint.textContent = this.hintText();
     this.hint.hidden = !landmarks.active;
-    const focused = this.body.contains(document.activeElement) ? document.activeElement?.getAttribute("data-at") : null;
-    this.body.replaceChildren(...landmarks.pairs.map((pair, k) => this.row(pair, k)));
-    if (focused) this.body.querySelector<HTMLElement>(`[data-at="${focused}"]`)?.focus();
+    redraw(this.body, () => this.body.replaceChildren(...landmarks.pairs.map((pair, k) => this.row(pair, k))));
     this.foot.replaceChildren(...this.said());
   }
 
   saveButton(): HTMLButtonElement {
     const made = button("save session", this.source.canSave ? `write ${this.session?.file ?? "the session file"}` : "download the session file", null, () => void this.save());
-    made.disabled = this.session === null || this.session.refused !== "" || this.saving;
+    // one that could not be read is asked for again where there is a server
+    const can = this.session ? this.session.refused === "" : this.source.canSave && this.state.description.sides.length > 1;
+    made.disabled = !can || this.loading || this.saving;
     return made;
   }
 
@@ -118,7 +125,11 @@ export class LandmarkPanel {
     const tell = (): void => this.state.tell("landmarks");
     const name = element("input", { "aria-label": `name of pair ${k + 1}`, maxlength: "100", "data-at": `name-${k}` });
     name.value = pair.name;
-    name.addEventListener("change", () => { landmarks.replace(k, { name: name.value }); tell(); });
+    name.addEventListener("change", () => {
+      const at = landmarks.pairs.findIndex((one) => JSON.stringify(one) === JSON.stringify(pair)); // pairs of another window may have come before it
+      if (at >= 0) landmarks.replace(at, { name: name.value });
+      tell();
+    });
     const role = select(`what pair ${k + 1} is for`, ROLES, pair.role, (value) => { landmarks.replace(k, { role: value as Role }); tell(); });
     role.dataset["at"] = `role-${k}`;
     const { judged } = landmarks;
@@ -155,19 +166,25 @@ export class LandmarkPanel {
   }
 
   private async save(): Promise<void> {
-    if (!this.session || this.saving) return;
-    const { placed } = this.state.landmarks;
+    if (this.loading || this.saving) return;
     this.saving = true;
+    if (!this.session) await this.load();
+    if (!this.session) this.message = "The session cannot be read; nothing was saved. Try again.";
+    else if (!this.session.refused) await this.write(this.session);
+    this.saving = false;
+    this.state.tell("landmarks");
+  }
+
+  private async write(session: SessionState): Promise<void> {
+    const { placed } = this.state.landmarks;
     try {
-      this.session.saved = await this.source.saveSession(this.session, placed);
+      session.saved = await this.source.saveSession(session, placed);
       this.state.landmarks.markSaved(placed);
       this.message = "";
     } catch (error) {
       this.message = error instanceof Error ? error.message : String(error);
       await this.takeIn();
     }
-    this.saving = false;
-    this.state.tell("landmarks");
   }
 
   /** Where another window has saved meanwhile, bring that together with what is here. */

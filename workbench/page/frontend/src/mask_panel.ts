@@ -21,11 +21,16 @@ export class MaskPanel {
   private command = "";
   private score = "";
   private isResumed = false;
+  private loading: Promise<void> | null = null;
+  private saving = false;
+  /** Whether the session is one that was typed, which stays. */
+  private isTyped = false;
   /** What is not saved is kept for the next visit of this very output. */
   private readonly kept = `endoct-drawing-${document.querySelector<HTMLMetaElement>('meta[name="endoct-output"]')?.content ?? ""}`;
 
   constructor(private readonly state: State, private readonly source: Source) {
     this.rater.value = "me";
+    this.session.addEventListener("input", () => (this.isTyped = true));
     const line = element("div", { class: "tools" }, "as", this.rater, this.session, button("save mask", "write a label image that napari and Fiji read", null, () => void this.save()));
     this.element.append(this.heading, this.tools, line, this.foot);
     this.element.hidden = true;
@@ -63,16 +68,21 @@ export class MaskPanel {
     const { painting } = this.state;
     this.element.hidden = !painting.active;
     this.keep();
-    if (painting.active && !this.saved) void this.load();
+    if (painting.active && !this.saved && !this.loading) void this.load();
     this.draw();
     window.clearTimeout(this.timer);
     if (painting.active) this.timer = window.setTimeout(() => void this.outline(), ASK_MS);
   }
 
-  private async load(): Promise<void> {
+  private load(): Promise<void> {
+    this.loading = this.read().finally(() => (this.loading = null));
+    return this.loading;
+  }
+
+  private async read(): Promise<void> {
     this.saved = await this.source.masks().catch(() => null);
     this.message = this.saved ? this.saved.refused : "Masks are saved where the page is served (endoct serve).";
-    this.number();
+    if (!this.isTyped) this.number();
     this.draw();
   }
 
@@ -114,6 +124,7 @@ export class MaskPanel {
         return;
       }
       painting.begin(side, ground);
+      this.isTyped = false;
       this.number();
       tell();
     };
@@ -179,16 +190,22 @@ export class MaskPanel {
   }
 
   private async save(): Promise<void> {
+    if (this.saving) return;
+    this.saving = true;
     const { painting } = this.state;
     const sent = painting.shapes;
+    const session = this.session.value;
     try {
-      const { command } = await this.source.saveMask({ ...painting.drawing, rater: this.rater.value.trim(), session: this.session.value.trim() });
+      const { command } = await this.source.saveMask({ ...painting.drawing, rater: this.rater.value.trim(), session: session.trim() });
       this.command = command;
       painting.markSaved(sent);
+      if (this.session.value === session) this.isTyped = false; // it is taken now
+      await this.loading; // which may not know of it
       await this.load();
     } catch (error) {
       this.message = error instanceof Error ? error.message : String(error);
     }
+    this.saving = false;
     this.state.tell("painting");
   }
 }

@@ -1,7 +1,7 @@
 /** The list of notes on places, and where one is written. */
 
 import { csvOf } from "./cell_words";
-import { button, download, element } from "./dom";
+import { button, download, element, redraw } from "./dom";
 import { RING_PX, spotOf } from "./landmark_marks";
 import type { LandmarkPanel } from "./landmark_panel";
 import type { Note } from "./landmarks";
@@ -87,11 +87,7 @@ export class NotePanel {
     csv.disabled = !notes.length;
     this.heading.replaceChildren("Notes on places ", element("small", {}, notes.length ? `${notes.length}${landmarks.isSaved ? "" : ", not saved"}` : ""),
       element("span", { class: "actions" }, csv, this.session.saveButton()));
-    const active = document.activeElement;
-    const focused = active instanceof HTMLElement && this.body.contains(active) ? active.dataset["at"] : undefined;
-    if (focused) (active as HTMLElement).blur(); // what is written there is taken
-    this.body.replaceChildren(...landmarks.notes.map((note, k) => this.row(note, k)));
-    if (focused) this.body.querySelector<HTMLElement>(`[data-at="${focused}"]`)?.focus();
+    redraw(this.body, () => this.body.replaceChildren(...landmarks.notes.map((note, k) => this.row(note, k))));
     this.foot.replaceChildren(...this.session.element.hidden ? this.session.refused() : []);
   }
 

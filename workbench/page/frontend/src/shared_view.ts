@@ -22,7 +22,8 @@ interface Shared {
 
 export class SharedView {
   private timer = 0;
-  private written = "";
+  /** What the address says; null until what it said at first is shown. */
+  private written: string | null = null;
 
   constructor(private readonly state: State, private readonly view: () => View | undefined) {}
 
@@ -66,7 +67,7 @@ export class SharedView {
 
   private write(): void {
     const text = this.text();
-    if (!text || text === this.written) return;
+    if (!text || this.written === null || text === this.written) return;
     this.written = text;
     history.replaceState(null, "", `${BEGINS}${text}`);
   }

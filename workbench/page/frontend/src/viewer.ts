@@ -37,6 +37,8 @@ export class LayerViewer {
       maxZoomLevel: 1e9,
       maxZoomPixelRatio: Infinity,
       imageLoaderLimit: 6,
+      timeout: 300_000, // ms; a tile that is given up leaves a hole that looks as if nothing was observed there
+      tileRetryMax: 3,
       clickTimeThreshold: Infinity, // what did not move is a click, however late a busy browser hears of its end
       gestureSettingsMouse: { clickToZoom: false, dblClickToZoom: true, flickEnabled: true },
       gestureSettingsTouch: { clickToZoom: false },
