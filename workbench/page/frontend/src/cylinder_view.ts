@@ -42,6 +42,7 @@ export class CylinderView {
   private outlined = "";
   /** Counts what was chosen: what is answered late to an older choice is not shown. */
   private filling = 0;
+  private hasFailed = false;
   /** As long as nobody can have turned it. */
   private isNew = true;
   /** Where along z the shape is known. */
@@ -96,7 +97,7 @@ export class CylinderView {
   /** What it shows now, for a figure; null as long as it shows nothing. */
   subject(): (Subject & { isAlone: boolean }) | null {
     const { scene, canvas, layer } = this;
-    if (!scene) return null;
+    if (!scene || this.hasFailed) return null; // it is not what was chosen
     const { left, width, height } = canvas.getBoundingClientRect();
     const shape = this.shape === VOLUME ? " and the dense volume" : this.shape === SMOOTH ? " on the smooth bore" : this.shape === layer ? "" : ` on the shape of ${this.state.layer(this.shape).title}`;
     const found: Subject & { isAlone: boolean } = {
@@ -174,10 +175,12 @@ export class CylinderView {
       await this.bend(wants);
       await this.paint(wants);
       if (!wants()) return;
+      this.hasFailed = false;
       this.recolour();
       this.remark();
     } catch (error) {
       if (!wants()) return;
+      this.hasFailed = true;
       this.said.textContent = `No view in three dimensions: ${error instanceof Error ? error.message : String(error)}`;
     }
     this.element.dataset["filled"] = ""; // for whoever drives the page by a program, as is all of these
