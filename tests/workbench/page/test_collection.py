@@ -128,10 +128,12 @@ def test_a_page_that_opens_slowly_holds_up_no_other(folder: Path, monkeypatch: p
         return open_shown(path)
 
     monkeypatch.setattr("endoct.workbench.page.serving.open_shown", opened_late)
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(3) as pool:
         asked = [pool.submit(collection.page, slow, "localhost", 1) for _ in range(2)]
-        assert collection.page(quick, "localhost", 1) is page
-        may_go_on.set()
+        try:
+            assert pool.submit(collection.page, quick, "localhost", 1).result(60) is page
+        finally:
+            may_go_on.set()
         one, two = (each.result() for each in asked)
     assert one is two
 
