@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from endoct.base.arrays import Mask
-from endoct.base.compute.memory import give_back
 from endoct.base.compute.parallel import at_once
 from endoct.base.doubt import Doubt
 from endoct.base.entry_points import OURS
@@ -112,9 +111,7 @@ def place_sides(a: Side, b: Side, parameters: CompareParameters, pairs: Sequence
     # whether cells are dark or bright shows where the two roughly lie, unless somebody else says where that is
     alone = not pairs and by_method is None
     roughly = (rough.place or (rough.best if parameters.force else None)) if alone else laid(None)[0].alignment
-    give_back()  # what the search used; the eye needs as much, of other shapes
     cells = segment_sides(a, b, roughly, parameters, parameters.polarity)
-    give_back()
     outcome, by_hand, doubts = laid((evidence_of(a, cells[0]), evidence_of(b, cells[1])))
     placed = on_one_grid((a, b), cells, outcome, parameters)
     return replace(placed, by_hand=by_hand, doubts=doubts, notes={b.name: note} if note else {})

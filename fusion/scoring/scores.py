@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from endoct.base.arrays import Image, Mask
+from endoct.base.arrays import Coordinates, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.fusion.geometry.placement import Sampling
@@ -98,10 +98,10 @@ def compare_reliefs(a: Surface, b: Surface, grid: SurfaceGrid) -> Reliefs | None
     both = a.valid & b.valid
     known = both & np.isfinite(a.relief_mm) & np.isfinite(b.relief_mm)
     compared = known & _off_rims(a.mask, grid) & _off_rims(b.mask, grid)
-    of_a, of_b = a.relief_mm[compared], b.relief_mm[compared]
+    of_a, of_b = (side[compared].astype(np.float64) for side in (a.relief_mm, b.relief_mm))
     differs, mean = of_b - of_a, (of_a + of_b) / 2
     stated = [side.relief_error_mm for side in (a, b) if side.relief_error_mm is not None]
-    error = np.sqrt(sum(one[compared] ** 2 for one in stated)) if stated else None
+    error = np.sqrt(sum(np.square(one[compared], dtype=np.float64) for one in stated)) if stated else None
     strata = []
     for low, high in zip((None, *DEPTHS_MM), (*DEPTHS_MM, None), strict=True):
         inside = (mean >= (-np.inf if low is None else low)) & (mean < (np.inf if high is None else high))
@@ -119,12 +119,12 @@ def _off_rims(cells: Mask, grid: SurfaceGrid) -> Mask:
     return np.abs(signed_distance(cells, (grid.dz_mm, grid.dtheta_mm), 2 * RIM_MM)) > RIM_MM
 
 
-def _limits(differs: Image, error: Image | None) -> dict[str, float | None]:
+def _limits(differs: Coordinates, error: Coordinates | None) -> dict[str, float | None]:
     if differs.size < FEWEST_SAMPLES:
         return {}
     low, median, high = np.quantile(differs, [0.025, 0.5, 0.975])
     return {
-        "mean": float(differs.mean(dtype=np.float64)),
+        "mean": float(differs.mean()),
         "median": float(median),
         "spread": float(robust_sigma(differs - median)),
         "low_limit": float(low),

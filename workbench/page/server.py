@@ -320,14 +320,12 @@ def _answering(
 
 
 _NOT_READ = _answering(404, say=lambda error: visible(cause_of(error)))  # the system has no such file, or refuses it
-
-
-_NO_MEMORY = _answering(500, FRESH, lambda error: str(in_one_line(error)))
+_AS_IN_A_TERMINAL = _answering(500, FRESH, lambda error: str(in_one_line(error)))
 
 
 ANSWERS_TO_ERRORS: dict[Any, Any] = {
-    MemoryError: _NO_MEMORY,
-    RecursionError: _NO_MEMORY,
+    MemoryError: _AS_IN_A_TERMINAL,
+    RecursionError: _AS_IN_A_TERMINAL,
     NoSuchTile: _answering(404),
     Gone: _answering(410, FRESH),
     EndoctError: _answering(500),
@@ -377,6 +375,8 @@ class Page:
                     return ""
             try:
                 self._serve(self._open_anew())
-            except (EndoctError, OSError) as error:
-                return str(error) if isinstance(error, EndoctError) else visible(cause_of(error))
+            except EndoctError as error:
+                return str(error)
+            except OSError as error:
+                return visible(cause_of(error))
         return ""

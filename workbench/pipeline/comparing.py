@@ -110,7 +110,6 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
         if folder is not None:
             folder.draw(placed)
         comparison = score_placed(placed, given.parameters)
-        give_back()
         joined = join(placed)
         wall = None if joined is None else joined.wall.as_panorama(placed)
         drawn = {path_text(path): truth_on(path, sides[0].panorama) for path in given.truth}
@@ -143,7 +142,6 @@ def compare_sources(request: "CompareRequest", output: Path | None, stages: Stag
     }
     comparison = replace(comparison, result=comparison.result.model_copy(update=joint), wall=wall)
     del joined, placed  # a report needs much memory itself
-    give_back()
     comparison = replace(comparison, result=_completed(comparison, against, sides, given, notes, stages, start))
     if folder is not None:
         folder.write_result(comparison)

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -155,6 +156,12 @@ def test_a_folder_that_cannot_be_seen_now_is_remembered(tmp_path: Path, monkeypa
         assert [each.folder for each in state.recent()] == [folders[1]]
         state.remember(folders[1])
     assert [each.folder for each in state.recent()] == [folders[1], folders[0]]
+
+
+def test_no_folder_is_looked_through_once_the_program_has_ended(study: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("threading.main_thread", threading.Thread)  # one that is not alive
+    found = looked_through(study)
+    assert (found.inputs(), "the program has ended" in found.to_json()["fault"]) == ((), True)
 
 
 def test_what_is_odd_in_a_folder_hides_nothing_else(study: Path):

@@ -9,8 +9,8 @@ import sys
 import time
 from pathlib import Path
 
-import psutil
 import pytest
+from processes import has_ended
 from rich.console import Console
 
 from endoct.workbench.running import interruption
@@ -74,18 +74,6 @@ cli.main()
 """
 
 
-def is_gone(process: int) -> bool:
-    """Whether a process ends; one that was killed may take a while on a busy machine."""
-    for _ in range(3000):
-        try:
-            if psutil.Process(process).status() == psutil.STATUS_ZOMBIE:
-                return True
-        except psutil.NoSuchProcess:
-            return True
-        time.sleep(0.02)
-    return False
-
-
 @pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("busy", BUSY)
@@ -110,7 +98,7 @@ def test_a_command_ends_whatever_it_is_at_and_leaves_nothing(busy: str, number: 
     assert not list((tmp_path / "out").iterdir())
     assert not list((tmp_path / "temporary").iterdir())
     worker = int((tmp_path / "worker").read_text())
-    assert is_gone(worker)
+    assert has_ended(worker)
 
 
 def test_a_signal_after_a_command_is_nobodys_business() -> None:
