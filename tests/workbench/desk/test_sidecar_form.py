@@ -12,6 +12,7 @@ import tifffile
 import tomlkit
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.desk.desk_app import MOST_THREADS
 from endoct.workbench.desk.sidecar_form import MOST_AT_ONCE, Previewer, sidecar_form
 
 MINE = """# written by hand
@@ -154,6 +155,7 @@ class Slow:
 def test_previews_leave_threads_for_other_requests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     slow = Slow()
     monkeypatch.setattr("endoct.workbench.desk.sidecar_form.worker_process", slow.lent)
+    assert 2 <= MOST_AT_ONCE <= MOST_THREADS // 2
     previewer = Previewer()
     with ThreadPoolExecutor(MOST_AT_ONCE) as pool:
         asked = [pool.submit(previewer.preview, tmp_path, None, {}, 0.5) for _ in range(MOST_AT_ONCE)]
