@@ -5,7 +5,8 @@ program writes ``answer.json`` and arrays into ANSWER. ``{"declined": "why"}`` i
 What both folders hold is up to the task, see :class:`endoct.workbench.bench.task.Exchange`.
 
 A program has bounds of time, memory and what it writes. The folder of the truth can be hidden from it: Linux lets every
-user see a file system of his own, in which an empty one lies over that folder.
+user see a file system of his own, in which an empty one lies over that folder. In a container it sees no folder but its
+own two, see :mod:`endoct.workbench.bench.container`.
 """
 
 import json
@@ -15,7 +16,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -31,6 +32,7 @@ from endoct.base.files.json_values import read_object
 from endoct.base.files.npy import read_npy
 from endoct.base.files.scratch import TemporaryFolder
 from endoct.stitching.panorama import Panorama
+from endoct.workbench.bench.container import MARK, contained, container
 from endoct.workbench.bench.task import AnyTask, Declined, Exchange, NotInstalled, method_names
 
 GIVEN, ANSWER = "given.json", "answer.json"
@@ -52,7 +54,7 @@ _HIDING = (
 
 @dataclass(frozen=True)
 class Program:
-    """A method that calls a program. ``command`` is split as a shell does, and run without one.
+    """A method that calls a program. ``command`` is split as a shell does, and run without one or in a container.
 
     ``hidden``: a folder that it must not see, where the system can hide it, see :func:`can_hide`.
     """
@@ -79,24 +81,27 @@ class Program:
             return self.exchange.read(case, folders[1])
 
     def _run(self, folders: list[Path]) -> None:
-        command = [*shlex.split(self.command), *map(str, folders[:2])]
-        if shutil.which(command[0]) is None:
-            raise EndoctError(f"the program '{command[0]}' cannot be run", found="no such program")
-        out, err = (folders[0].parent / name for name in ("printed", "complained"))
+        words, (given, answer, temporary) = shlex.split(self.command), folders
+        apart = words[0].startswith(MARK)
+        if not apart and shutil.which(words[0]) is None:
+            raise EndoctError(f"the program '{words[0]}' cannot be run", found="no such program")
+        out, err = (given.parent / name for name in ("printed", "complained"))
+        whole = nullcontext([*words, str(given), str(answer)])
         try:
             with (
                 out.open("wb") as stdout,
                 err.open("wb") as stderr,
+                container(words, given, answer, MOST_MEMORY_BYTES) if apart else whole as command,
                 process_group(
-                    bounded(command, self.hidden),
+                    bounded(command, None if apart else self.hidden),
                     stdout=stdout,
                     stderr=stderr,
-                    env={**os.environ, "TMPDIR": str(folders[2])},
+                    env={**os.environ, "TMPDIR": str(temporary)},
                 ) as process,
             ):
-                self._wait(process, folders[0].parent)
+                self._wait(process, given.parent)
         except OSError as error:
-            raise EndoctError(f"the program '{command[0]}' cannot be run", found=cause_of(error)) from error
+            raise EndoctError(f"the program '{words[0]}' cannot be run", found=cause_of(error)) from error
         if process.returncode:
             last = _last_words(err) or _last_words(out) or "nothing printed"
             raise EndoctError(f"the program failed with exit status {process.returncode}", found=last)
@@ -193,8 +198,11 @@ def with_programs(task: AnyTask, programs: Mapping[str, str]) -> AnyTask:
     return replace(task, methods={**task.methods, **methods})
 
 
-def parse_programs(texts: tuple[str, ...]) -> dict[str, str]:
-    """Return commands by name from "NAME=COMMAND". Raises :class:`EndoctError` for another form."""
+def parse_programs(texts: tuple[str, ...], image: str | None = None) -> dict[str, str]:
+    """Return commands by name from "NAME=COMMAND", run in containers of an ``image`` where there is one.
+
+    Raises :class:`EndoctError` for another form, for an image that is not there, and for one without programs.
+    """
     programs: dict[str, str] = {}
     for text in texts:
         name, equals, command = text.partition("=")
@@ -203,7 +211,11 @@ def parse_programs(texts: tuple[str, ...]) -> dict[str, str]:
                 "a program cannot be read", found=f"'{text[:80]}'", expected="NAME=COMMAND, each name once"
             )
         programs[name.strip()] = command.strip()
-    return programs
+    if image is None:
+        return programs
+    if not programs:
+        raise EndoctError("only programs run in a container", expected="--program NAME=COMMAND beside --container")
+    return {name: contained(image, command) for name, command in programs.items()}
 
 
 def write_given(folder: Path, facts: Mapping[str, object], **arrays: NDArray[Any] | None) -> None:

@@ -76,6 +76,7 @@ class Submit:
         output: the file to write
         methods: names of methods, separated by commas; default: all, or none where there are programs
         program: a method that is a program, NAME=COMMAND; it is called with two folders, what is given and the answer
+        container: image of Podman or Docker in which each --program runs
         workers: processes that share the specimens; with more than one, timings are those of a busy machine
         overwrite: replace the output if it exists
         json: print as JSON
@@ -86,6 +87,7 @@ class Submit:
     output: OutputPath
     methods: Annotated[str, arg(metavar="NAME,NAME")] = ""
     program: tuple[str, ...] = ()
+    container: Annotated[str | None, arg(metavar="IMAGE")] = None
     workers: int = 1
     overwrite: bool = False
     json: bool = False
@@ -101,7 +103,7 @@ class Submit:
             self.task,
             self.output,
             methods=listed_names(self.methods),
-            programs=parse_programs(self.program),
+            programs=parse_programs(self.program, self.container),
             workers=self.workers,
             overwrite=self.overwrite,
             stages=command_stages(self.json),
@@ -123,6 +125,7 @@ def check(
     receipt: Path | None = None,
     methods: Annotated[str, arg(metavar="NAME,NAME")] = "",
     program: tuple[str, ...] = (),
+    container: Annotated[str | None, arg(metavar="IMAGE")] = None,
     json: bool = False,
 ) -> int:
     """Run a sample of a submission again, and compare the scores to the last digit. No command of the file is run.
@@ -136,6 +139,7 @@ def check(
         methods: names of methods, separated by commas; default: all of the submission, but programs only
             where --program says how
         program: how to run a method that is a program, NAME=COMMAND
+        container: image of Podman or Docker in which each --program runs
         json: print as JSON
     """
     from endoct.workbench.bench.program import parse_programs
@@ -150,7 +154,7 @@ def check(
         sample=sample,
         nonce=nonce,
         methods=listed_names(methods),
-        programs=parse_programs(program),
+        programs=parse_programs(program, container),
         stages=command_stages(json),
     )
     if receipt is not None:
