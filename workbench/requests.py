@@ -436,7 +436,9 @@ class BenchRequest:
         conditions: ranges or choices to draw cases from, right after the task, such as cell_mm=0.2..1 or
             modality=depth|intensity
         output: folder for results.csv, bench.json and plots
-        methods: names of methods, separated by commas; default: all
+        methods: names of methods, separated by commas; default: all, or none where there are programs
+        program: a method that is a program, NAME=COMMAND; it is called with two folders, what is given and the answer
+        container: image of Podman or Docker in which each --program runs
         seeds: a range as 1000-1009, or numbers separated by commas; 0-99 are reserved for tuning
         count: cases per seed
         sweep: vary only this condition; the others stay at the middle of their range
@@ -452,6 +454,8 @@ class BenchRequest:
     output: Annotated[AnyPath | None, arg(aliases=["-o"]), UNSET] = None
     _: KW_ONLY
     methods: Names = ""
+    program: tuple[str, ...] = ()
+    container: Annotated[str | None, arg(metavar="IMAGE"), UNSET] = None
     seeds: str = "1000-1009"
     count: int = 1
     sweep: Annotated[str | None, arg(metavar="CONDITION"), UNSET] = None

@@ -1,6 +1,6 @@
 """Make a published set with the specimens of both generators, or a key for its hidden half.
 
-    python -m benchmarks.published -o DATA [--full] [--workers 2]          the public half
+    python -m benchmarks.published -o DATA [--full] [--task wall] [--workers 2]    the public half
     python -m benchmarks.published --new-key hidden.key
     python -m benchmarks.published -o HIDDEN --key hidden.key [--full]     the hidden half
 
@@ -29,6 +29,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--set", default="endoct-bench-2")
     parser.add_argument("--full", action="store_true", help="five times the small set")
+    parser.add_argument("--task", help="make the specimens of this task alone")
     parser.add_argument("--key", type=Path, help="file of the key of the hidden half")
     parser.add_argument("--new-key", type=Path, help="write a key there, and make nothing")
     parser.add_argument("--workers", type=int, default=1)
@@ -44,6 +45,7 @@ def main() -> None:
         half="hidden" if options.key else "public",
         size="full" if options.full else "small",
         key=read_key(options.key) if options.key else None,
+        task=options.task,
         writers=BOTH,
         workers=options.workers,
         stages=command_stages(False),

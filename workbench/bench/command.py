@@ -12,6 +12,7 @@ from rich.table import Table
 from endoct.base.errors import EndoctError
 from endoct.base.files.output import check_output, new_output
 from endoct.workbench.bench.checkpoint import Checkpoint, Facts, open_checkpoint
+from endoct.workbench.bench.program import parse_programs, with_programs
 from endoct.workbench.bench.results.plots import draw_plots
 from endoct.workbench.bench.results.result_tables import (
     bench_facts,
@@ -116,8 +117,9 @@ def run_bench(request: BenchRequest) -> tuple[Facts, Lines]:
 
 
 def _planned(request: BenchRequest) -> tuple[AnyTask, BenchPlan]:
-    task = load_task(request.task)
-    methods = check_names(task, listed_names(request.methods))
+    programs = parse_programs(tuple(request.program), request.container)
+    task = with_programs(load_task(request.task), programs)
+    methods = check_names(task, [*listed_names(request.methods), *programs])
     if request.against is not None:
         task = replace(task, against=check_names(task, [request.against])[0])
     if task.against is not None and task.against not in methods:
@@ -125,11 +127,10 @@ def _planned(request: BenchRequest) -> tuple[AnyTask, BenchPlan]:
     if request.data:
         if request.conditions or request.sweep:
             raise EndoctError("the conditions of your own data cannot be drawn", remedy="leave them out, or --data")
-        return task, BenchPlan(
-            request.task, methods, ranges={}, own=own_folders([Path(folder) for folder in request.data])
-        )
-    ranges = narrowed(task, request.conditions, request.sweep)
-    return task, BenchPlan(request.task, methods, parse_seeds(request.seeds), request.count, ranges)
+        own = own_folders([Path(folder) for folder in request.data])
+        return task, BenchPlan(request.task, methods, ranges={}, own=own, programs=programs)
+    ranges, seeds = narrowed(task, request.conditions, request.sweep), parse_seeds(request.seeds)
+    return task, BenchPlan(request.task, methods, seeds, request.count, ranges, programs=programs)
 
 
 def own_folders(data: Sequence[Path]) -> tuple[Path, ...]:

@@ -16,12 +16,13 @@ from endoct.workbench.running.refusals import DONE, UNUSABLE_INPUT
 SET = "endoct-bench-2"
 
 
-def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = False) -> int:
+def make(output: OutputPath, full: bool = False, task: str | None = None, workers: int = 1, json: bool = False) -> int:
     """Make the public half of the published benchmark endoct-bench-2, or what is missing of it in the folder.
 
     Args:
         output: folder of the set
         full: make the full set, five times the small one
+        task: make the specimens of this task alone, of those that are not there yet
         workers: processes that share the specimens
         json: print as JSON
     """
@@ -29,7 +30,9 @@ def make(output: OutputPath, full: bool = False, workers: int = 1, json: bool = 
     from endoct.workbench.bench.published.making import WRITERS, make_set
     from endoct.workbench.bench.published.specimen_set import shipped_entries
 
-    made = make_set(output, SET, size="full" if full else "small", workers=workers, stages=command_stages(json))
+    made = make_set(
+        output, SET, size="full" if full else "small", task=task, workers=workers, stages=command_stages(json)
+    )
     published = shipped_entries(SET)
     known = [specimen for specimen in made.specimens if specimen.name in published]
     equal = sum(one.digest == published[one.name].digest for one in known)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -56,6 +57,19 @@ def test_a_method_that_is_not_installed_is_left_out_and_said(doubling: AnyTask) 
     assert "left out: absent, because a_library_that_is_not_installed is not installed" in lines
     with pytest.raises(EndoctError, match="none of the methods is installed; found absent"):
         bench(methods=["absent"])
+
+
+def test_a_program_is_tried_beside_a_method(tmp_path: Path) -> None:
+    text = "import sys, numpy as np; np.save(sys.argv[2] + '/mask.npy', np.load(sys.argv[1] + '/valid.npy'))"
+    (tmp_path / "all.py").write_text(text, encoding="utf-8")
+    program = [f"all={sys.executable} {tmp_path / 'all.py'}"]
+    for methods, run in (("", ["all"]), ("otsu", ["otsu", "all"])):
+        facts, _ = run_bench("segmentation", methods=methods, program=program, seeds="3", progress=False)
+        assert [of["method"] for of in facts["summary"]] == run
+        assert facts["summary"][-1]["ok"] == 1
+    assert facts["methods"]["all"] == program[0].removeprefix("all=")
+    with pytest.raises(EndoctError, match="each name once"):
+        run_bench("segmentation", program=[*program, *program], seeds="3", progress=False)
 
 
 @pytest.mark.parametrize(

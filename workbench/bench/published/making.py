@@ -78,22 +78,31 @@ def make_set(
     half: Half = "public",
     size: Size = "small",
     key: int | None = None,
+    task: str | None = None,
     writers: Mapping[str, Writer] = WRITERS,
     workers: int = 1,
     stages: Stages,
 ) -> SpecimenSet:
     """Make the set ``name`` in the folder ``output``, or what is missing of it there; return what it lists.
 
-    ``key``: what the seeds follow from, needed for the hidden half. Kinds of a generator that ``writers`` lack are
-    left out. The bytes do not depend on ``workers``. Raises :class:`EndoctError` where ``output`` holds something else
-    or a specimen cannot be made. It is also raised where a specimen that is there was changed, and where the set
-    differs from the published one by more than rounding.
+    ``key``: what the seeds follow from, needed for the hidden half. Of specimens that are not there yet, only those of
+    a ``task`` are made, where one is named, and none of a generator that ``writers`` lack. The bytes do not depend on
+    ``workers``. Raises :class:`EndoctError` where ``output`` holds something else or a specimen cannot be made. It is
+    also raised where a specimen that is there was changed, and where the set differs from the published one by more
+    than rounding.
     """
     definition = load_definition(name)
     if (half == "hidden") == (key is None):
         raise EndoctError(f"the {half} half {'needs a key' if key is None else 'has a key of its own'}")
     key = definition.public_key if key is None else key
-    wanted = [one for one in planned(definition, half, size, key) if one.kind.generator in writers]
+    if task is not None and task not in definition.tasks:
+        raise EndoctError(f"{name} has no task '{task}'", expected=" or ".join(definition.tasks))
+    wanted = [
+        one
+        for one in planned(definition, half, size, key)
+        if one.kind.generator in writers
+        and (task is None or task in one.kind.tasks or (output / one.name / SPECIMEN_FILE).is_file())
+    ]
     key_digest = hashlib.sha256(str(key).encode()).hexdigest()
     begun = SpecimenSet(set=name, half=half, size=size, key=key_digest, versions=versions(), specimens=())
     with refusing_disk_errors(output), stages.stage(f"{len(wanted)} specimens of {name}") as advance:

@@ -16,7 +16,7 @@ from published_sets import tiny
 from endoct.base.errors import EndoctError
 from endoct.base.zarr.zarr_store import Named, write_arrays
 from endoct.workbench.bench.published import making
-from endoct.workbench.bench.published.definition import Planned
+from endoct.workbench.bench.published.definition import Planned, SpecimenKind
 from endoct.workbench.bench.published.making import PLAIN_ARITHMETIC, make_set, make_specimen, simulated_specimen
 from endoct.workbench.bench.published.specimen_set import Entry, SpecimenSet, read_finished_set, read_set
 from endoct.workbench.running.progress import SilentStages
@@ -33,17 +33,19 @@ def cluster_here(_: int) -> Iterator[Client]:
         yield client
 
 
+def truth_alone(folder: Path, specimen: Planned) -> None:
+    """Write the least that a specimen holds: a real one compiles for plain arithmetic first."""
+    (folder / "truth").mkdir(parents=True)
+    wall = {name: Named(("z", "theta"), np.ones((4, 8), of)) for name, of in (("relief_mm", "f4"), ("cell", "?"))}
+    write_arrays(folder / "truth" / "wall.zarr", wall, {})
+    (folder / "truth" / "recording.json").write_text("{}")
+
+
 def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(making, "load_definition", lambda _: tiny())
     monkeypatch.setattr(making, "shipped_entries", lambda _: {})
 
-    def truth_alone(folder: Path, specimen: Planned) -> None:
-        (folder / "truth").mkdir(parents=True)
-        wall = {name: Named(("z", "theta"), np.ones((4, 8), of)) for name, of in (("relief_mm", "f4"), ("cell", "?"))}
-        write_arrays(folder / "truth" / "wall.zarr", wall, {})
-        (folder / "truth" / "recording.json").write_text("{}")
-
-    writers = {"simulator": truth_alone}  # a real one compiles for plain arithmetic first
+    writers = {"simulator": truth_alone}
     first = make_set(tmp_path / "set", "endoct-bench-2", writers=writers, stages=SilentStages())
     assert [entry.name for entry in first.specimens] == ["simulator-easy-000"]  # the second generator has no writer
     assert read_set(tmp_path / "set") == first
@@ -61,6 +63,28 @@ def test_a_set_lists_what_can_be_made_and_goes_on(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(making, "shipped_entries", lambda _: {another.name: another})
     with pytest.raises(EndoctError, match="not those that were published"):
         made(tmp_path / "set")
+
+
+def test_a_set_is_made_task_by_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kinds = [SpecimenKind(generator="simulator", difficulty="easy", tasks=(of,), count=1) for of in ("oct", "pose")]
+    monkeypatch.setattr(making, "load_definition", lambda _: tiny().model_copy(update={"kinds": tuple(kinds)}))
+    monkeypatch.setattr(making, "shipped_entries", lambda _: {})
+    monkeypatch.setattr("endoct.workbench.running.cluster.own_cluster", cluster_here)
+    monkeypatch.setattr(making, "_plainly", lambda job: job())
+
+    def listed(task: str | None) -> list[str]:
+        writers = {"simulator": truth_alone}
+        return [
+            entry.name
+            for entry in make_set(
+                tmp_path / "set", "endoct-bench-2", task=task, writers=writers, stages=SilentStages()
+            ).specimens
+        ]
+
+    assert listed("pose") == ["pose-simulator-easy-000"]
+    assert listed("oct") == ["simulator-easy-000", "pose-simulator-easy-000"]  # what is there stays
+    with pytest.raises(EndoctError, match="has no task 'otc'"):
+        listed("otc")
 
 
 @pytest.mark.slow
