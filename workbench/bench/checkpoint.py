@@ -2,7 +2,7 @@
 
 ``RESULTS.unfinished`` lies next to the output. Its ``run.json`` says what is run and with what. A file of rows follows
 for every source of cases on which all methods have been run. Each file appears whole or not at all, and the folder
-goes when the output is complete.
+goes when the output is complete. While a run uses it, it holds the lock in it.
 
 A run states what is run, with which versions, and on which machine.
 """
@@ -13,7 +13,7 @@ import os
 import platform
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -24,7 +24,7 @@ from pydantic import TypeAdapter
 from endoct.base.errors import EndoctError, refusing
 from endoct.base.files.files import read_small
 from endoct.base.files.json_values import read_object
-from endoct.base.files.scratch import clear_dead_scratch, new_file
+from endoct.base.files.scratch import HeldError, clear_dead_scratch, held, new_file
 from endoct.workbench.bench.runner import BenchPlan, MethodResult
 from endoct.workbench.bench.task import module_of, origin
 from endoct.workbench.running.outputs import versions
@@ -32,8 +32,8 @@ from endoct.workbench.running.refusals import refusing_disk_errors
 
 Facts = dict[str, object]
 """Values that can be written as JSON, by name."""
-RUN = "run.json"
-_OWN_NAME = re.compile(r"run\.json|[0-9]{6}\.json")
+RUN, LOCK = "run.json", "lock"
+_ROWS = re.compile(r"[0-9]{6}\.json")
 MOST_BYTES = 16_000_000
 PARTS = ("stitching", "modalities", "fusion", "synthetic", "workbench")
 
@@ -84,7 +84,7 @@ class Checkpoint:
 
     def read(self) -> dict[int, list[MethodResult]]:
         """Return the rows of every source that is finished. Raises :class:`EndoctError` where a file is damaged."""
-        files = sorted(path for path in self.folder.iterdir() if _OWN_NAME.fullmatch(path.name) and path.name != RUN)
+        files = sorted(path for path in self.folder.iterdir() if _ROWS.fullmatch(path.name))
         return {int(path.stem): _rows(path) for path in files}
 
     def save(self, place: int, rows: Sequence[MethodResult]) -> None:
@@ -93,9 +93,10 @@ class Checkpoint:
 
     @contextmanager
     def said_to_resume(self, plan: BenchPlan) -> Iterator[None]:
-        """Let an interruption say how many cases are kept."""
+        """Let an interruption say how many cases are kept. Raises :class:`EndoctError` where another run goes on."""
         try:
-            yield
+            with _in_use(self.folder):
+                yield
         except KeyboardInterrupt:
             kept = f"{len(self.read())} of {len(plan.sources)} cases are kept in {self.folder}"
             raise KeyboardInterrupt(f"{kept}; the same command goes on") from None
@@ -159,6 +160,22 @@ def _digest(files: Sequence[Path]) -> str:
     return source.hexdigest()[:16]
 
 
+@contextmanager
+def _in_use(folder: Path) -> Iterator[None]:
+    """Let no other run use a checkpoint meanwhile. Raises :class:`EndoctError` where one does."""
+    with ExitStack() as lock:
+        try:
+            lock.enter_context(held(folder / LOCK))
+        except HeldError as error:
+            remedy = "wait until that ends, or stop it"
+            raise EndoctError(f"another run uses {folder}", found=str(error), remedy=remedy) from error
+        yield
+
+
+def _is_own(name: str) -> bool:
+    return name in (RUN, LOCK) or _ROWS.fullmatch(name) is not None
+
+
 def _remove(folder: Path) -> None:
     """Remove a checkpoint. Raises :class:`EndoctError`, and removes nothing, where the folder holds anything else."""
     if not os.path.lexists(folder):
@@ -170,11 +187,13 @@ def _remove(folder: Path) -> None:
         files = sorted(folder.iterdir())
     if not is_folder or (files and not (folder / RUN).is_file()):
         raise EndoctError(f"{folder} is no folder that endoct made", remedy=remedy)
-    if others := [path.name for path in files if not (path.is_file() and _OWN_NAME.fullmatch(path.name))]:
+    if others := [path.name for path in files if not (path.is_file() and _is_own(path.name))]:
         found = ", ".join(others[:3])
         raise EndoctError(f"{folder} holds what endoct did not write", found=found, remedy=remedy)
-    for path in files:
-        path.unlink()
+    with _in_use(folder):
+        pass
+    for path in (*files, folder / LOCK):
+        path.unlink(missing_ok=True)
     folder.rmdir()
 
 

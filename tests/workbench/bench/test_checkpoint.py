@@ -70,7 +70,7 @@ def test_what_is_done_is_kept_and_not_done_again(squaring: Squaring, tmp_path: P
     bench(tmp_path / "whole")
     unfinished = stopped(squaring, tmp_path / "out")
     assert not (tmp_path / "out").exists()
-    assert sorted(path.name for path in unfinished.iterdir()) == ["000000.json", "000001.json", "run.json"]
+    assert sorted(path.name for path in unfinished.iterdir()) == ["000000.json", "000001.json", "lock", "run.json"]
     told = bench(tmp_path / "out")
     assert squaring.made == ["5-0", "6-0"]
     assert told["taken_over"] == 2
@@ -84,10 +84,28 @@ def test_another_run_does_not_take_it_over(squaring: Squaring, tmp_path: Path) -
         bench(tmp_path / "out", seeds="3-7")
     with pytest.raises(EndoctError, match="another conditions"):
         bench(tmp_path / "out", conditions=["size=0.5"])
-    assert len(list(unfinished.iterdir())) == 3
+    assert len(list(unfinished.iterdir())) == 4
     told = bench(tmp_path / "out", seeds="3-7", overwrite=True)
     assert "taken_over" not in told
     assert len(squaring.made) == 5
+
+
+def test_a_run_that_goes_on_is_neither_joined_nor_replaced(
+    squaring: Squaring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused = []
+
+    def judge_beside_others(case: Case[float, float], answer: float) -> dict[str, float]:
+        for seeds, overwrite in (("3-6", False), ("3-7", True)):
+            with pytest.raises(EndoctError, match=r"another run uses .*out\.unfinished"):
+                bench(tmp_path / "out", seeds, overwrite=overwrite)
+            refused.append(case.name)
+        return squaring.judge(case, answer)
+
+    install(monkeypatch, replace(squaring.task, judge=judge_beside_others))
+    bench(tmp_path / "out")
+    assert refused == [name for name in squaring.made for _ in range(4)]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 def test_other_code_does_not_take_it_over(squaring: Squaring, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
