@@ -50,21 +50,23 @@ def layout(
     data: Positional[Path],
     output: OutputPath,
     to: Literal["huggingface", "webdataset"] = "huggingface",
+    task: str = "segmentation",
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Write the panoramas and true masks of a published set in a layout that other libraries load.
+    """Write the examples of a published set with their truth in a layout that other libraries load.
 
     Args:
         data: folder of the set
         output: folder to write
         to: huggingface, pictures for its imagefolder, or webdataset, shards with arrays
+        task: whose examples; pictures are of panoramas and masks alone, those of segmentation
         overwrite: replace the output if it exists
         json: print as JSON
     """
     from endoct.workbench.bench.published.examples import write_layout
 
-    n_examples = write_layout(data, output, to, overwrite=overwrite, stages=command_stages(json))
+    n_examples = write_layout(data, output, to, task, overwrite=overwrite, stages=command_stages(json))
     facts = {"output": path_text(output), "examples": n_examples}
     return print_either(facts, [f"{to}: {output} ({n_examples} examples)"], as_json=json)
 

@@ -1,8 +1,9 @@
 """The specimens of a published set as examples to learn from, for torch's DataLoader and other libraries.
 
-:class:`Examples` gives arrays by task. :func:`write_layout` writes panoramas and masks as other libraries load them.
-Hugging Face: a folder a split with 8-bit PNG and ``metadata.jsonl``, as its ``imagefolder`` reads it. WebDataset: a tar
-file a split with arrays as ``.npy``, nothing lost. The set itself is Zarr, which xarray opens.
+:class:`Examples` gives arrays by task. :func:`write_layout` writes them as other libraries load them. Hugging Face: a
+folder a split with 8-bit PNG of panoramas and masks, and ``metadata.jsonl``, as its ``imagefolder`` reads it.
+WebDataset: a tar file a split with the arrays of a task as ``.npy``, nothing lost. The set itself is Zarr, which xarray
+opens.
 """
 
 import json
@@ -22,6 +23,7 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.specimen_set import read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
+from endoct.workbench.bench.tasks.depth import strips_on_rows
 from endoct.workbench.dataset.set_files import add_array, add_member
 from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import Advance, Stages
@@ -33,7 +35,8 @@ DARK, BRIGHT = 1.0, 99.0
 """Percentiles of the valid samples that become 0 and 255 of a picture."""
 DEPTH_A_COUNT_MM = 0.01
 """A count in pictures of depth is this deep; 0 is the nominal wall, and what lies before it."""
-ARRAYS = ("intensity", "depth_mm", "valid", "cell")
+PICTURED = "segmentation"
+"""The task of which there are pictures."""
 Layout = Literal["huggingface", "webdataset"]
 
 
@@ -51,7 +54,8 @@ class Examples:
       ``relief_mm`` and ``cell``, by ``wall_z_mm`` and ``wall_theta_rad``;
     - alignment: ``a_…`` and ``b_…`` as for segmentation, and where B truly lies: ``z_in_a_mm`` for each row of B, NaN
       where A does not reach, and ``theta_in_a_rad`` for each column;
-    - depth: ``intensity`` and ``valid`` (z, θ), and the true ``relief_mm`` and ``cell``;
+    - depth: ``intensity`` and ``valid`` (z, θ); ``strips`` (frame, z, θ) f32 with their ``frame_z_mm``, and the rays'
+      ``slant`` at ``from_middle_mm``, as a program gets them; and the true ``relief_mm`` and ``cell``;
     - wall: what both sides show on one grid, as a program gets it, and there ``true_relief_mm`` and ``true_cell``;
     - pose: ``SIDE_…`` as for segmentation, ``ct`` (k, j, i), ``ct_to_lps`` (4, 4) of its index, ``plan_mm`` (2, 3), and
       the true ``bore_to_lps`` (4, 4) and ``length_mm``.
@@ -126,9 +130,15 @@ def _alignment(case: AnyCase) -> Arrays:
 
 
 def _depth(case: AnyCase) -> Arrays:
-    panorama, truth = case.given.panorama, case.truth
-    seen = {"intensity": panorama.intensity, "valid": panorama.valid}
-    return {**seen, "relief_mm": truth.relief_mm, "cell": truth.cell}
+    views, truth = case.given, case.truth
+    return {
+        "intensity": views.panorama.intensity,
+        "valid": views.panorama.valid,
+        "strips": strips_on_rows(views),
+        **{name: getattr(views, name) for name in ("frame_z_mm", "from_middle_mm", "slant")},
+        "relief_mm": truth.relief_mm,
+        "cell": truth.cell,
+    }
 
 
 def _pose(case: AnyCase) -> Arrays:
@@ -157,15 +167,20 @@ _ARRAYS: Mapping[str, Callable[[AnyCase], Arrays]] = {
 }
 
 
-def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool = False, stages: Stages) -> int:
-    """Write the examples of the task "segmentation" in ``folder``, a set, in a layout; return how many there are.
+def write_layout(
+    folder: Path, output: Path, layout: Layout, task: str = PICTURED, *, overwrite: bool = False, stages: Stages
+) -> int:
+    """Write the examples of a task in ``folder``, a set, in a layout; return how many there are.
 
-    Raises :class:`EndoctError` where ``folder`` is no set, the layout is not known, or ``output`` exists.
+    Raises :class:`EndoctError` where ``folder`` is no set or has none of the task, the layout is not known or has no
+    other task than "segmentation", or ``output`` exists.
     """
     if layout not in get_args(Layout):
         raise EndoctError(f"there is no layout '{layout}'", expected=" or ".join(get_args(Layout)))
+    if layout == "huggingface" and task != PICTURED:
+        raise EndoctError(f"there are no pictures of the task '{task}'", expected=PICTURED, remedy="--to webdataset")
     entries = read_finished_set(folder).specimens
-    splits = list(dict.fromkeys(entry.split for entry in entries if "segmentation" in entry.tasks))
+    splits = list(dict.fromkeys(entry.split for entry in entries if task in entry.tasks)) or ["train"]
     facts = {entry.name: {"generator": str(entry.generator), "difficulty": str(entry.difficulty)} for entry in entries}
     write = _WRITERS[layout]
     n_written = 0
@@ -175,7 +190,7 @@ def write_layout(folder: Path, output: Path, layout: Layout, *, overwrite: bool 
     ):
         scratch.mkdir()
         for number, split in enumerate(splits):
-            examples = Examples(folder, "segmentation", split)
+            examples = Examples(folder, task, split)
             write(scratch, split, _with_progress(examples, facts, advance, number, len(splits)))
             n_written += len(examples)
     return n_written
@@ -187,8 +202,9 @@ def _with_progress(
     """Yield the plain name, the arrays and the facts of every example."""
     for k in range(len(examples)):
         example = examples[k]
-        specimen, side, *_ = str(example["name"]).split("/")
-        yield f"{specimen}-{side}", example, {"specimen": specimen, "side": side, **facts[specimen]}
+        specimen, *case = str(example["name"]).split("/")
+        sides = {"side": case[0]} if examples.task.name == PICTURED else {}
+        yield "-".join([specimen, *case[:1]]), example, {"specimen": specimen, **sides, **facts[specimen]}
         advance((number + (k + 1) / len(examples)) / n_splits)
 
 
@@ -222,7 +238,7 @@ def _counts(image: NDArray[Any]) -> NDArray[np.uint8]:
 def _write_shard(root: Path, split: Split, examples: Iterator[tuple[str, Example, dict[str, str]]]) -> None:
     with tarfile.open(root / f"{split}-000000.tar", "w", format=tarfile.USTAR_FORMAT) as shard:
         for name, example, facts in examples:
-            for array in ARRAYS:
+            for array in sorted(example.keys() - {"name", "specimen"}):
                 add_array(shard, f"{name}.{array}.npy", example[array])
             add_member(shard, f"{name}.json", json.dumps(facts).encode())
 

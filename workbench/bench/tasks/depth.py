@@ -126,16 +126,20 @@ def ours(views: Views) -> Image:
     return side.parallax.relief_mm
 
 
-def _write_views(views: Views, folder: Path) -> None:
-    write_panorama(views.panorama, folder)
+def strips_on_rows(views: Views) -> Image:
+    """Return all strips on the panorama's rows and columns, (frame, z, θ), NaN where a frame shows nothing."""
     rows = {float(z): k for k, z in enumerate(views.panorama.z_mm)}
-    shape = len(views.strips), *views.panorama.grid.shape
-    strips = np.full(shape, np.nan, np.float32)
+    strips = np.full((len(views.strips), *views.panorama.grid.shape), np.nan, np.float32)
     for k, strip in enumerate(views.strips):
         for row, z_mm in enumerate(strip.z_mm):
             if float(z_mm) in rows:
                 strips[k, rows[float(z_mm)]] = np.where(strip.valid[row], strip.intensity[row], np.nan)
-    np.save(folder / "strips.npy", strips)
+    return strips
+
+
+def _write_views(views: Views, folder: Path) -> None:
+    write_panorama(views.panorama, folder)
+    np.save(folder / "strips.npy", strips_on_rows(views))
     facts = {
         "frame_z_mm": views.frame_z_mm.tolist(),
         "from_middle_mm": views.from_middle_mm.tolist(),

@@ -1,7 +1,9 @@
 """Examples of a published set: arrays of every task, learning from them, and layouts of other libraries."""
 
+import io
 import json
 import shutil
+import tarfile
 from functools import cache
 from pathlib import Path
 
@@ -69,6 +71,16 @@ def test_stitching_oct_and_alignment_have_their_truth(made_set: Path) -> None:
     assert np.ptp(steps) < 1e-9  # θ runs on across 0/2π
 
 
+def test_depth_has_the_frames_that_depth_is_found_by(made_set: Path) -> None:
+    depth = Examples(made_set, "depth")[0]
+    assert depth["strips"].shape == (depth["frame_z_mm"].size, *depth["valid"].shape)
+    assert depth["slant"].shape == depth["from_middle_mm"].shape
+    shown = np.isfinite(depth["strips"]).sum(axis=0)
+    assert shown[depth["valid"]].mean() > 1.5  # most places lie in two frames at least
+    middles = [np.flatnonzero(np.isfinite(frame).any(axis=1)).mean() for frame in depth["strips"]]
+    assert np.corrcoef(middles, depth["frame_z_mm"])[0, 1] > 0.99
+
+
 def test_a_split_without_examples_and_another_task_are_refused(made_set: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(EndoctError, match="no example"):
         Examples(made_set, "segmentation", "test")
@@ -102,9 +114,25 @@ def test_shards_hold_the_arrays_to_the_bit(made_set: Path, tmp_path: Path) -> No
     examples = Examples(made_set, "segmentation")
     assert len(samples) == len(examples)
     for sample, k in zip(samples, range(len(examples)), strict=True):
-        for name in ("intensity", "depth_mm", "valid", "cell"):
+        for name in ("intensity", "depth_mm", "valid", "cell", "z_mm"):
             assert np.array_equal(sample[f"{name}.npy"], examples[k][name])
         assert sample["json"]["generator"] == "simulator"
+    assert {sample["json"]["side"] for sample in samples} == {"oct", "endoscope"}
+
+
+def test_every_task_has_shards_and_segmentation_alone_pictures(made_set: Path, tmp_path: Path) -> None:
+    assert write_layout(made_set, tmp_path / "pairs", "webdataset", "alignment", stages=SilentStages()) == 2
+    pair = Examples(made_set, "alignment")[0]
+    with tarfile.open(tmp_path / "pairs" / "train-000000.tar") as shard:
+        names = shard.getnames()
+        assert len({*names}) == len(names) == 2 * (len(pair) - 2 + 1)  # its arrays, and a file of facts
+        stored = np.load(io.BytesIO(shard.extractfile(f"{pair['specimen']}.z_in_a_mm.npy").read()))  # type: ignore[union-attr]
+    assert np.array_equal(stored, pair["z_in_a_mm"], equal_nan=True)
+    with pytest.raises(EndoctError, match="no pictures of the task 'oct'"):
+        write_layout(made_set, tmp_path / "new", "huggingface", "oct", stages=SilentStages())
+    with pytest.raises(EndoctError, match="no example for 'pose'"):
+        write_layout(made_set, tmp_path / "new", "webdataset", "pose", stages=SilentStages())
+    assert not (tmp_path / "new").exists()
 
 
 def test_pictures_are_masks_and_panoramas(made_set: Path, tmp_path: Path) -> None:
