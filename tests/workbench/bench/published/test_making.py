@@ -37,6 +37,7 @@ def truth_alone(folder: Path, specimen: Planned) -> None:
     """Write the least that a specimen holds: a real one compiles for plain arithmetic first."""
     (folder / "truth").mkdir(parents=True)
     wall = {name: Named(("z", "theta"), np.ones((4, 8), of)) for name, of in (("relief_mm", "f4"), ("cell", "?"))}
+    wall |= {name: Named((name,), np.arange(n, dtype=np.float64)) for name, n in (("z", 4), ("theta", 8))}
     write_arrays(folder / "truth" / "wall.zarr", wall, {})
     (folder / "truth" / "recording.json").write_text("{}")
 
