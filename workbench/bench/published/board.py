@@ -124,7 +124,7 @@ def uneven_difficulty(board: TaskBoard) -> list[str]:
         return []
     sentences = []
     for generator in board.generators:
-        standings: dict[Difficulty, tuple[float, Coordinates, str]] = {}
+        levels: dict[Difficulty, tuple[float, Coordinates, str]] = {}
         for word in board.difficulties(generator):
             scores: dict[str, list[float]] = {}
             for row in board.rows(ours, generator, word):
@@ -133,14 +133,14 @@ def uneven_difficulty(board: TaskBoard) -> list[str]:
             cases = [score for of_specimen in scores.values() for score in of_specimen]
             median, medians = float(np.median(cases)), np.array([np.median(each) for each in scores.values()])
             counted = f"{_counted(len(cases), 'case')} of {_counted(len(scores), 'specimen')}"
-            standings[word] = median, medians, f"{word} ones ({number(board.sign * median)}; {counted})"
-            easier = [other for other in standings.values() if other[0] < median]
+            levels[word] = median, medians, f"{word} ones ({number(board.sign * median)}; {counted})"
+            easier = [other for other in levels.values() if other[0] < median]
             if easier:
                 p = min(float(stats.mannwhitneyu(medians, other[1], method="exact").pvalue) for other in easier)
                 sentences.append(
-                    f"On {GENERATORS[generator]}, endoct's median is better on {standings[word][2]} than on "
+                    f"On {GENERATORS[generator]}, endoct's median is better on {levels[word][2]} than on "
                     f"{' and '.join(other[2] for other in easier)}. "
-                    + (f"That may be chance: p = {p:.2g} by the rank test." if p > UNLIKELY else f"p = {p:.2g}.")
+                    f"By the rank test, p = {p:.2g}{': that may be chance' if p > UNLIKELY else ''}."
                 )
     return sentences
 

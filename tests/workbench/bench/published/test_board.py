@@ -7,10 +7,12 @@ import pytest
 from published_sets import entry, scored, submission
 
 from endoct.base.errors import EndoctError
+from endoct.workbench.bench.published import board
 from endoct.workbench.bench.published.board import uneven_difficulty, write_board
 from endoct.workbench.bench.published.standings import read_boards
 from endoct.workbench.bench.published.submission import text_of
 from endoct.workbench.bench.published.submitted import PARTS
+from endoct.workbench.bench.results.plots import Style
 from endoct.workbench.bench.task import load_task, method_names, origin, task_names
 from endoct.workbench.cli import main
 
@@ -42,6 +44,7 @@ def test_losses_come_before_standings_and_names_are_texts(submissions: Path, tmp
     assert "declined: too dark" in page
     assert page.count("<td>not checked</td>") == 4  # of two methods on two generators
     assert page.count("<svg") == len(re.findall(r'<div class="scroll"[^>]*><svg', page)) == 2  # wider than a phone
+    assert len(re.findall(r"</a>\s+<a", page)) == page.count("<a ") - 1  # links without a space are one long line
     assert "@media (prefers-color-scheme: dark)" in page
     assert f"A success is {load_task('segmentation').success}." in page
     assert page.count("<main>") == page.count("</main>") == page.count("<h1>") == 1
@@ -85,6 +88,18 @@ def test_names_stay_texts_in_drawings(tmp_path: Path) -> None:
         assert f">{shown}</text>" in drawing
 
 
+def test_a_method_looks_alike_in_all_figures(submissions: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [scored("s0", name, 0.5).model_copy(update={"case": "s0"}) for name in ("other", "endoct")]
+    (submissions / "wall.json").write_text(text_of(submission(rows, [entry("s0")], "wall")), encoding="utf-8")
+    looks: list[dict[str, Style]] = []
+    for figure in ("curves", "costs"):
+        monkeypatch.setattr(board, figure, lambda _, styles: looks.append(styles) or "")
+    write_board(submissions, submissions / "board.html")
+    assert len(looks) == 4  # two figures of two tasks
+    assert all(styles == looks[0] for styles in looks)
+    assert {"endoct", "other", HOSTILE} <= set(looks[0])
+
+
 def uneven(folder: Path, easy: list[float | None], hard: list[float | None], method: str = "endoct") -> list[str]:
     """What is said of a method with these scores on easy and on hard specimens."""
     given = [(f"e{k}", "easy", value) for k, value in enumerate(easy)]
@@ -92,18 +107,18 @@ def uneven(folder: Path, easy: list[float | None], hard: list[float | None], met
     entries = [entry(name, difficulty=difficulty) for name, difficulty, _ in given]
     rows = [scored(name, method, value) for name, _, value in given]
     (folder / "mine.json").write_text(text_of(submission(rows, entries)), encoding="utf-8")
-    (board,) = read_boards(folder)
-    return uneven_difficulty(board)
+    (only,) = read_boards(folder)
+    return uneven_difficulty(only)
 
 
 def test_what_is_better_on_harder_specimens_is_said_to_be_chance_or_not(tmp_path: Path) -> None:
     (sentence,) = uneven(tmp_path, [0.5, 0.6], [0.7, 0.8])
     assert sentence == (
         "On endoct's simulator, endoct's median is better on hard ones (0.75; 2 cases of 2 specimens) than on "
-        "easy ones (0.55; 2 cases of 2 specimens). That may be chance: p = 0.33 by the rank test."
+        "easy ones (0.55; 2 cases of 2 specimens). By the rank test, p = 0.33: that may be chance."
     )
     (sentence,) = uneven(tmp_path, [0.1, 0.2, 0.3, 0.4], [0.5, 0.6, 0.7, 0.8])
-    assert sentence.endswith(". p = 0.029.")
+    assert sentence.endswith(". By the rank test, p = 0.029.")
     (sentence,) = uneven(tmp_path, [None, None], [0.1, 0.1])  # what was not answered is worse than any answer
     assert "easy ones (–; 2 cases" in sentence
     assert uneven(tmp_path, [0.7, 0.8], [0.5, 0.6]) == []
@@ -119,8 +134,8 @@ def test_a_lower_score_is_better_where_the_task_says_so(tmp_path: Path) -> None:
         for row, value in zip(rows, (0.2, 0.1), strict=True)
     ]
     (tmp_path / "mine.json").write_text(text_of(submission(rows, entries, "alignment")), encoding="utf-8")
-    (board,) = read_boards(tmp_path)
-    (sentence,) = uneven_difficulty(board)
+    (only,) = read_boards(tmp_path)
+    (sentence,) = uneven_difficulty(only)
     assert "better on hard ones (0.1; 1 case of 1 specimen) than on easy ones (0.2;" in sentence
 
 
