@@ -126,6 +126,20 @@ def test_what_is_better_on_harder_specimens_is_said_to_be_chance_or_not(tmp_path
     assert uneven(tmp_path, [0.5, 0.6], [0.7, 0.8], "other") == []
 
 
+def test_cases_of_a_specimen_are_not_independent(tmp_path: Path) -> None:
+    """Six cases of three specimens would be unlikely by chance if they were of six."""
+    both = {"oct": "b" * 64, "endoscope": "d" * 64}
+    names = [("easy", f"e{k}") for k in range(3)] + [("hard", f"h{k}") for k in range(3)]
+    entries = [entry(name, difficulty=word).model_copy(update={"unrolled": both}) for word, name in names]
+    rows = [scored(name, "endoct", 0.5 if word == "easy" else 0.7) for word, name in names]
+    rows += [row.model_copy(update={"case": f"{row.specimen}/endoscope/wall"}) for row in rows]
+    (tmp_path / "mine.json").write_text(text_of(submission(rows, entries)), encoding="utf-8")
+    (only,) = read_boards(tmp_path)
+    (sentence,) = uneven_difficulty(only)
+    assert "hard ones (0.7; 6 cases of 3 specimens)" in sentence
+    assert sentence.endswith("p = 0.1: that may be chance.")
+
+
 def test_a_lower_score_is_better_where_the_task_says_so(tmp_path: Path) -> None:
     entries = [entry("s0"), entry("s1", difficulty="hard")]
     rows = [scored(name, "endoct", None) for name in ("s0", "s1")]
