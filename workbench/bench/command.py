@@ -56,7 +56,8 @@ def list_tasks() -> tuple[Facts, Lines]:
 def describe_task(name: str) -> tuple[Facts, Lines]:
     """Return one task's signature, conditions, scores and methods, as facts and for people."""
     task = load_task(name)
-    lines: Lines = [f"{task.name}: {task.title}", *f"a method: {task.signature}".splitlines(), ""]
+    lines: Lines = [f"{task.name}: {task.title}", *f"a method: {task.signature}".splitlines()]
+    lines += [*([f"a success is {task.success}"] if task.success else []), ""]
     for title, entries in (
         ("condition", {key: range_text(range_) for key, range_ in task.ranges.items()}),
         ("only on request", {key: range_text(range_) for key, range_ in task.optional.items()}),
@@ -78,6 +79,7 @@ def _task_facts(task: AnyTask) -> Facts:
         "signature": task.signature,
         "conditions": {key: list(range_) for key, range_ in task.ranges.items()},
         "scores": dict(task.scores),
+        "success": task.success,
         "methods": {method: origin(task, method) for method in method_names(task)},
     }
 

@@ -115,6 +115,7 @@ class Task(Generic[Given, Truth, Answer]):
     methods: methods that the task itself provides, in addition to those that are registered.
     against: the method from which the others' differences are taken, case by case, unless the user names one.
     exchange: how a method that is a program gets a case and answers, where it can.
+    success: what the judge calls a success, in words that go on after "A success is".
     """
 
     name: str
@@ -129,6 +130,7 @@ class Task(Generic[Given, Truth, Answer]):
     methods: Mapping[str, Callable[..., Answer]] = field(default_factory=dict)
     against: str | None = None
     exchange: Exchange[Given, Answer] | None = None
+    success: str = ""
 
 
 AnyTask = Task[Any, Any, Any]

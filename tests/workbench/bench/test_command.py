@@ -102,6 +102,7 @@ def test_the_command_line_lists_describes_and_refuses(
     status, text = said("segmentation", "--describe")
     assert status == 0
     assert "signal_db" in text
+    assert "a success is a Jaccard index of at least" in text
     assert "otsu" in text
     _, text = said("alignment", "--describe")
     assert "\nSays where B lies" in text  # a line of its own

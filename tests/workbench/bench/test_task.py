@@ -1,5 +1,7 @@
 """Drawing the conditions of cases."""
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from endoct.base.errors import EndoctError
 from endoct.workbench.bench.runner import MethodResult, run_method
 from endoct.workbench.bench.task import AnyCase, AnyTask, Range, draw, load_method, load_task, method_names, task_names
-from endoct.workbench.bench.tasks import alignment
+from endoct.workbench.bench.tasks import alignment, depth, oct, pose, segmentation, stitching, wall
 
 
 @given(seed=st.integers(0, 10**6), index=st.integers(0, 1000), low=st.floats(-5, 5), width=st.floats(0, 5))
@@ -32,6 +34,24 @@ def test_every_method_can_be_imported_without_extras(name: str) -> None:
     assert method_names(task)
     for method in method_names(task):
         assert callable(load_method(task, method))
+
+
+THRESHOLDS = {
+    "segmentation": (segmentation.GOOD_ENOUGH,),
+    "wall": (wall.GOOD_ENOUGH,),
+    "oct": (oct.GOOD_ENOUGH,),
+    "alignment": (alignment.SUCCESS_PX,),
+    "depth": (depth.WALL_UM, depth.CELL_UM),
+    "stitching": (100 * stitching.LEAST_RIGHT, stitching.RIGHT_MM, stitching.RIGHT_DEG, 100 * stitching.MOST_WRONG),
+    "pose": (pose.SUCCESS_MM, pose.BEYOND_MM),
+}
+"""What the judges of tasks hold an answer against, in the order in which they say so."""
+
+
+@pytest.mark.parametrize("name", task_names())
+def test_every_task_says_what_it_calls_a_success(name: str) -> None:
+    numbers = [float(number) for number in re.findall(r"\d+(?:\.\d+)?", load_task(name).success)]
+    assert numbers == pytest.approx(THRESHOLDS[name])
 
 
 def _unsound(task: AnyTask, case: AnyCase) -> dict[str, str]:

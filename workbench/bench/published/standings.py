@@ -23,7 +23,7 @@ from endoct.workbench.bench.published.definition import (
 from endoct.workbench.bench.published.submission import digest_of, read_submission
 from endoct.workbench.bench.published.submitted import MOST_METHODS, OURS, Scored, Submission, check_credible
 from endoct.workbench.bench.results.score_summary import Share, share
-from endoct.workbench.bench.task import SUCCESS, load_task
+from endoct.workbench.bench.task import load_task
 
 MOST_FILES = 1000
 
@@ -104,6 +104,11 @@ class TaskBoard:
         return tuple(dict.fromkeys(entry.generator for entry in entries))
 
     @property
+    def sign(self) -> int:
+        """Return 1 where a higher main score is better, else -1."""
+        return 1 if self.scored.better == "higher" else -1
+
+    @property
     def has_equal_data(self) -> bool:
         """Say whether all entrants were given data that are equal to the bit."""
         return len({entrant.submission.data_digest for entrant in self.entrants}) == 1
@@ -131,15 +136,14 @@ class TaskBoard:
         What was not answered is worse than any answer. Who was found to have other scores comes last.
         """
         given = [(entrant, self.rows(entrant, generator, difficulty, side)) for entrant in self.entrants]
-        sign = -1 if self.scored.better == "higher" else 1
-        made = [_standing(entrant, rows, self.scored.score, sign) for entrant, rows in given if rows]
+        made = [_standing(entrant, rows, self.scored.score, -self.sign) for entrant, rows in given if rows]
         trust = {0: 1, -1: 2}
         return sorted(
             made,
             key=lambda standing: (
                 trust.get(standing.entrant.checked, 0),
                 -standing.success.k / standing.success.n,
-                sign * standing.median,
+                -self.sign * standing.median,
                 standing.cases - standing.ok,
             ),
         )
@@ -164,7 +168,6 @@ class TaskBoard:
         return [loss for loss in losses if loss.better > loss.worse or loss.successes[0] > loss.successes[1]]
 
     def _loss(self, generator: Generator, ours: Entrant, other: Entrant, side: str | None = None) -> Loss:
-        sign = 1 if self.scored.better == "higher" else -1
         mine = {row.case: row for row in self.rows(ours, generator, side=side)}
         better = worse = even = 0
         both: list[tuple[float, float]] = []
@@ -172,15 +175,15 @@ class TaskBoard:
         for row in theirs_of:
             if (against := mine.get(row.case)) is None:
                 continue
-            theirs, own = (_main(scored, self.scored.score) for scored in (row, against))
+            theirs, own = (scored.score_of(self.scored.score) for scored in (row, against))
             if np.isfinite(theirs) and np.isfinite(own):
                 both.append((theirs, own))
-            lead = float(_won(row) - _won(against))
+            lead = float(row.succeeds - against.succeeds)
             if not lead and np.isfinite(theirs) and np.isfinite(own):
-                lead = sign * (theirs - own)
+                lead = self.sign * (theirs - own)
             better, worse, even = better + (lead > 0), worse + (lead < 0), even + (lead == 0)
         medians = np.median(both, axis=0) if both else (np.nan, np.nan)
-        successes = sum(map(_won, theirs_of)), sum(map(_won, mine.values()))
+        successes = sum(row.succeeds for row in theirs_of), sum(row.succeeds for row in mine.values())
         p = float(stats.binomtest(better, better + worse).pvalue) if better + worse else 1.0
         medians_of = float(medians[0]), float(medians[1])
         return Loss(generator, side or "", other.name, better, worse, even, *medians_of, successes, p)
@@ -262,7 +265,7 @@ def _entrants(same: Sequence[tuple[str, Submission]], known: Mapping[str, Sequen
 
 def _standing(entrant: Entrant, rows: Sequence[Scored], score: str, sign: int) -> Standing:
     status = [row.status for row in rows]
-    every = np.array([_main(row, score) for row in rows])
+    every = np.array([row.score_of(score) for row in rows])
     values = every[np.isfinite(every)]
     every = np.where(np.isfinite(every), every, sign * np.inf)
     low, high = _interval(every)
@@ -272,7 +275,7 @@ def _standing(entrant: Entrant, rows: Sequence[Scored], score: str, sign: int) -
         status.count("ok"),
         status.count("declined"),
         status.count("failed"),
-        share(sum(map(_won, rows)), len(rows)),
+        share(sum(row.succeeds for row in rows), len(rows)),
         float(np.median(every)),
         low,
         high,
@@ -287,11 +290,3 @@ def _interval(values: Coordinates) -> tuple[float, float]:
         return np.nan, np.nan
     interval = stats.quantile_test(values, p=0.5).confidence_interval(0.95)
     return float(interval.low), float(interval.high)
-
-
-def _main(row: Scored, score: str) -> float:
-    return row.scores.get(score, np.nan) if row.status == "ok" else np.nan
-
-
-def _won(row: Scored) -> int:
-    return int(row.scores.get(SUCCESS, 0.0) > 0.5)

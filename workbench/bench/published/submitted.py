@@ -1,5 +1,6 @@
 """What a submission says, and whether it can be believed before anything is run again."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -10,11 +11,32 @@ from endoct.base.errors import EndoctError
 from endoct.workbench.bench.published.definition import Half, Size, Stored
 from endoct.workbench.bench.published.specimen_set import Entry, digest_of_entries
 from endoct.workbench.bench.runner import Status
-from endoct.workbench.bench.task import load_task, score_range
+from endoct.workbench.bench.task import SUCCESS, load_task, score_range
 
 FORMAT = "endoct bench submission 1"
 OURS = "endoct"
 """The name of the method that endoct itself uses, in every task."""
+PARTS = frozenset(
+    f"endoct.workbench.bench.{place}"
+    for place in (
+        "rivals.learned_segmentation:learned_eye",
+        "rivals.speckle:face_and_speckle",
+        "rivals.wall:believed",
+        "rivals.wall:endoscope",
+        "rivals.wall:oct_alone",
+        "tasks.oct:brightest",
+        "tasks.oct:even",
+        "tasks.oct:without_lost_ascans",
+        "tasks.oct:without_rotation",
+        "tasks.oct:without_start_angle",
+        "tasks.oct:without_turn_length",
+    )
+)
+"""Functions of methods that are no rival's: steps of endoct alone, and endoct with a step more or less.
+
+What others published is none of them, even where endoct's settings do the same, nor what thresholds or joins endoct's
+evidence in another way.
+"""
 MOST_METHODS = 100
 """Of a submission, and of a task of the board: more lines could not be told apart."""
 
@@ -35,6 +57,15 @@ class Scored(Stored):
     def outcome(self) -> tuple[str, dict[str, float]]:
         """Return what does not depend on the machine's speed."""
         return self.status, self.scores
+
+    @property
+    def succeeds(self) -> bool:
+        """Say whether the judge called it a success."""
+        return self.scores.get(SUCCESS, 0.0) > 0.5
+
+    def score_of(self, name: str) -> float:
+        """Return a score of a case that was answered; NaN where there is none."""
+        return self.scores.get(name, math.nan) if self.status == "ok" else math.nan
 
 
 class Submission(Stored):

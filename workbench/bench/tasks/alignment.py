@@ -206,6 +206,7 @@ TASK = Task(
         read=_read_alignment,
         answer=_write_alignment,
     ),
+    success=f"a mean landmark error of less than {SUCCESS_PX:g} px, the larger step of the coarser side",
 )
 
 

@@ -175,4 +175,8 @@ TASK = Task(
         read=lambda _views, folder: read_array(folder, "depth_mm").astype(np.float32),
         answer=partial(write_array, "depth_mm"),
     ),
+    success=(
+        f"a median error of at most {WALL_UM:g} µm on the wall and of at most {CELL_UM:g} µm in true cells, or any "
+        "answer where there is no cell"
+    ),
 )

@@ -254,6 +254,7 @@ TASK = Task(
         read=_read_panorama,
         answer=lambda answer, folder: save_panorama(answer, folder / STORE),
     ),
+    success=f"a Jaccard index of at least {GOOD_ENOUGH:g}, what is not known counted as wrong",
 )
 
 

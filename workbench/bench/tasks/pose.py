@@ -227,6 +227,10 @@ TASK = Task(
         read=_read_located,
         answer=_write_located,
     ),
+    success=(
+        f"an error of less than {SUCCESS_MM:g} mm at the point of the axis {BEYOND_MM:g} mm beyond the bore's end; "
+        "where only the true line is known, across it alone"
+    ),
 )
 
 

@@ -129,4 +129,5 @@ TASK = Task(
         read=_read_mask,
         answer=partial(write_array, "mask"),
     ),
+    success=f"a Jaccard index of at least {GOOD_ENOUGH:g}, or no sample marked where there is no cell",
 )

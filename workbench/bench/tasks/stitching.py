@@ -184,4 +184,8 @@ TASK = Task(
         read=_read_places,
         answer=_write_places,
     ),
+    success=(
+        f"at least {100 * LEAST_RIGHT:g} % of pairs right, within {RIGHT_MM:g} mm and {RIGHT_DEG:g}°, and at most "
+        f"{100 * MOST_WRONG:g} % wrong"
+    ),
 )

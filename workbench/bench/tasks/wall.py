@@ -188,4 +188,5 @@ TASK = Task(
     own=lambda specimen: [case_of(specimen)],
     against="endoct",
     exchange=Exchange(write=_write_pair, read=_read_wall, answer=_write_wall),
+    success=f"a Jaccard index of at least {GOOD_ENOUGH:g}, or no sample marked where there is no cell",
 )
