@@ -95,14 +95,14 @@ def test_a_run_that_goes_on_is_neither_joined_nor_replaced(
 ) -> None:
     refused = []
 
-    def judge_beside_others(case: Case[float, float], answer: float) -> dict[str, float]:
+    def judge_and_rerun(case: Case[float, float], answer: float) -> dict[str, float]:
         for seeds, overwrite in (("3-6", False), ("3-7", True)):
             with pytest.raises(EndoctError, match=r"another run uses .*out\.unfinished"):
                 bench(tmp_path / "out", seeds, overwrite=overwrite)
             refused.append(case.name)
         return squaring.judge(case, answer)
 
-    install(monkeypatch, replace(squaring.task, judge=judge_beside_others))
+    install(monkeypatch, replace(squaring.task, judge=judge_and_rerun))
     bench(tmp_path / "out")
     assert refused == [name for name in squaring.made for _ in range(4)]
     assert [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -19,26 +19,26 @@ from endoct.workbench.bench.program import MOST_MEMORY_BYTES, Program, parse_pro
 from endoct.workbench.bench.task import load_task
 
 CONDITIONS = {"signal_db": 25.0, "cell_mm": 0.8, "fill": 0.2, "missing": 0.2, "unevenness": 0.2}
-TOLD = """#!{python}
+RUNTIME = """#!{python}
 import json, pathlib, subprocess, sys
-told = sys.argv[1:]
+words = sys.argv[1:]
 with pathlib.Path(r"{log}").open("a") as log:
-    log.write(json.dumps(told) + chr(10))
-if told[:2] == ["image", "inspect"]:
-    sys.exit(told[2] != "here:1")
-if told[0] == "run":
-    sys.exit(subprocess.call(told[told.index("here:1") + 1:]))
+    log.write(json.dumps(words) + chr(10))
+if words[:2] == ["image", "inspect"]:
+    sys.exit(words[2] != "here:1")
+if words[0] == "run":
+    sys.exit(subprocess.call(words[words.index("here:1") + 1:]))
 """
 COPY = """sh -c 'cp "$0/valid.npy" "$1/mask.npy"'"""
 IMAGE = "localhost/endoct-test:1"
 
 
 @pytest.fixture(params=RUNTIMES)
-def told(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def log_of_runtime(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The only runtime of this machine writes down here, line by line, what it is told, and runs it without one."""
-    log, folder = tmp_path / "told", tmp_path / "bin"
+    log, folder = tmp_path / "log", tmp_path / "bin"
     folder.mkdir()
-    (folder / request.param).write_text(TOLD.format(python=sys.executable, log=log), encoding="utf-8")
+    (folder / request.param).write_text(RUNTIME.format(python=sys.executable, log=log), encoding="utf-8")
     (folder / request.param).chmod(0o755)
     for name in ("sh", "cp", "sleep"):
         (folder / name).symlink_to(f"/bin/{name}")
@@ -56,15 +56,15 @@ def program(command: str) -> Program:
     return Program(command, exchange)
 
 
-def lines(told: Path) -> list[list[str]]:
-    return [json.loads(line) for line in told.read_text(encoding="utf-8").splitlines()]
+def lines(log_of_runtime: Path) -> list[list[str]]:
+    return [json.loads(line) for line in log_of_runtime.read_text(encoding="utf-8").splitlines()]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the runtime is a script")
-def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(told: Path) -> None:
+def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(log_of_runtime: Path) -> None:
     given = panorama()
     assert np.array_equal(program(parse_programs((f"mine={COPY}",), "here:1")["mine"])(given), given.valid)
-    inspected, run, removed = lines(told)
+    inspected, run, removed = lines(log_of_runtime)
     assert inspected == ["image", "inspect", "here:1"]
     options, command = run[1 : run.index("here:1")], run[run.index("here:1") + 1 :]
     assert {"--network=none", "--read-only", "--cap-drop=all", "--pull=never"} < {*options}
@@ -77,28 +77,30 @@ def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(t
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the runtime is a script")
-def test_a_container_of_a_program_that_is_ended_is_removed(told: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_container_of_a_program_that_is_ended_is_removed(
+    log_of_runtime: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("endoct.workbench.bench.program.LONGEST_S", 0.5)
     with pytest.raises(EndoctError, match="takes too long"):
         program("container:here:1 sh -c 'sleep 60'")(panorama())
-    run, removed = lines(told)
+    run, removed = lines(log_of_runtime)
     assert f"--name={removed[-1]}" in run
     assert removed[:2] == ["rm", "--force"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the runtime is a script")
 @pytest.mark.parametrize("image", ["--privileged", "", "here 1", "-v/:/all"])
-def test_no_option_is_taken_for_an_image(told: Path, image: str) -> None:
+def test_no_option_is_taken_for_an_image(log_of_runtime: Path, image: str) -> None:
     with pytest.raises(EndoctError, match="no such name"):
         contained(image, "mine")
-    assert not told.exists()
+    assert not log_of_runtime.exists()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the runtime is a script")
-def test_an_image_that_is_not_there_is_asked_for(told: Path) -> None:
+def test_an_image_that_is_not_there_is_asked_for(log_of_runtime: Path) -> None:
     with pytest.raises(EndoctError, match=r"no image .there:2. here.*pull there:2"):
         parse_programs(("mine=run",), "there:2")
-    assert lines(told) == [["image", "inspect", "there:2"]]
+    assert lines(log_of_runtime) == [["image", "inspect", "there:2"]]
 
 
 def test_a_machine_without_containers_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
