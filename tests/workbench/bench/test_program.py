@@ -50,6 +50,18 @@ def test_a_mask_returns_as_it_was_written(tmp_path: Path) -> None:
     assert np.array_equal(method(panorama), (panorama.depth_mm > 0.1) & panorama.valid)
 
 
+@pytest.mark.parametrize("modality", ["depth", "intensity"])
+def test_the_manuals_program_runs(tmp_path: Path, modality: str) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "how-to" / "bench.md").read_text(encoding="utf-8")
+    (tmp_path / "mine.py").write_text(page.partition("mine.py: ")[2].join(['"""', ""]).partition("```")[0], "utf-8")
+    panorama, truth = toy_panorama(3, 0, modality, CONDITIONS)
+    exchange = load_task("segmentation").exchange
+    assert exchange is not None
+    cells = Program(f"{sys.executable} {tmp_path / 'mine.py'}", exchange)(panorama)
+    true = truth & panorama.valid
+    assert (cells & true).sum() / (cells | true).sum() > 0.5
+
+
 @pytest.mark.parametrize(
     ("text", "match"),
     [
