@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from made_once import MadeOnce
 
+from benchmarks import full_set
 from benchmarks.independent.bore import drill
 from benchmarks.independent.sets import recipe_of
 from benchmarks.published.__main__ import digests, read_key, write_key
@@ -135,3 +136,24 @@ def test_what_is_published_of_a_hidden_half_tells_no_sample() -> None:
     assert digests(hidden)["specimens"] == {"s0": entry("s0").digest}
     assert digests(hidden)["key"] == "f" * 64
     assert "means" not in str(digests(hidden))
+
+
+def test_rivals_of_a_full_set_are_counted_by_success_then_by_score(tmp_path: Path) -> None:
+    higher = {"a": (0.9, 0.8), "b": (0.6, None), "c": (0.7, 0.75), "d": (None, 0.8), "e": (0.5, 0.6), "f": (0.8, 0.8)}
+    lines = ["case,method,status,score.success,score.jaccard"]
+    for name, scores in higher.items():
+        for method, score in zip(("endoct", "other"), scores, strict=True):
+            state = "declined,," if score is None else f"ok,{float(score >= 0.7)},{score}"
+            lines.append(f"second-easy-{name}/oct/wall,{method},{state}")
+    (tmp_path / "segmentation").mkdir()
+    (tmp_path / "segmentation" / "results.csv").write_text("\n".join(lines), encoding="utf-8")
+    (line,) = full_set.lines(tmp_path / "segmentation")
+    # a behind, b even (neither succeeds, one has no score), c and d ahead, e ahead though neither succeeds, f even
+    ours, rival = "3 of 6, 0.7 (0.5–0.9; 0.7)", "4 of 6, 0.8 (0.6–0.8; 0.75)"
+    expected = (
+        f"| `segmentation`, jaccard | second, oct | {ours} | `other` {rival}, ahead in 3, behind in 1, p = 0.62 |"
+    )
+    assert line == expected
+    scored = full_set.load_definition(full_set.SET).tasks["alignment"]  # lower is better
+    assert full_set.spread({"a": (True, 0.01), "b": (False, 2.0)}, scored) == "1 of 2, 1 (2–0.01; 1)"
+    assert full_set.against({"a": (True, 0.01)}, {"a": (True, 0.02)}, scored) == "ahead in 0, behind in 1, p = 1"
