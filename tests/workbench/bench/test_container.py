@@ -123,9 +123,10 @@ def image(tmp_path: Path) -> Iterator[str]:
         pytest.skip(str(error))
     tools = [f"/bin/{name}" for name in ("sh", "cp", "sleep")]
     libraries = subprocess.run(["ldd", *tools], capture_output=True, text=True, check=False).stdout.split()
+    files = [Path(word) for word in [*tools, *libraries] if word.startswith("/") and not word.endswith(":")]
     with tarfile.open(tmp_path / "image.tar", "w", dereference=True) as tar:
-        for path in sorted({*tools, *(word for word in libraries if word.startswith("/") and not word.endswith(":"))}):
-            tar.add(path)
+        for path in sorted({*files, *(folder for file in files for folder in file.parents)}):
+            tar.add(path, recursive=False)  # folders too: Docker would let nobody into those that are not listed
     done = subprocess.run(
         [runtime, "import", str(tmp_path / "image.tar"), IMAGE], capture_output=True, text=True, check=False
     )
