@@ -23,7 +23,6 @@ from endoct.stitching.panorama import Panorama
 from endoct.workbench.bench.published.definition import Split
 from endoct.workbench.bench.published.specimen_set import read_finished_set
 from endoct.workbench.bench.task import AnyCase, load_task
-from endoct.workbench.bench.tasks.depth import strips_on_rows
 from endoct.workbench.dataset.set_files import add_array, add_member
 from endoct.workbench.running.outputs import EXPORT
 from endoct.workbench.running.progress import Advance, Stages
@@ -134,7 +133,7 @@ def _depth(case: AnyCase) -> Arrays:
     return {
         "intensity": views.panorama.intensity,
         "valid": views.panorama.valid,
-        "strips": strips_on_rows(views),
+        "strips": views.strips_on_rows(),
         **{name: getattr(views, name) for name in ("frame_z_mm", "from_middle_mm", "slant")},
         "relief_mm": truth.relief_mm,
         "cell": truth.cell,

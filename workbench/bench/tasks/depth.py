@@ -49,6 +49,16 @@ class Views:
     slant: Coordinates
     slant_known: bool
 
+    def strips_on_rows(self) -> Image:
+        """Return all strips on the panorama's rows and columns, (frame, z, θ), NaN where a frame shows nothing."""
+        rows = {float(z): k for k, z in enumerate(self.panorama.z_mm)}
+        strips = np.full((len(self.strips), *self.panorama.grid.shape), np.nan, np.float32)
+        for k, strip in enumerate(self.strips):
+            for row, z_mm in enumerate(strip.z_mm):
+                if float(z_mm) in rows:
+                    strips[k, rows[float(z_mm)]] = np.where(strip.valid[row], strip.intensity[row], np.nan)
+        return strips
+
 
 @dataclass(frozen=True, eq=False)
 class Depths:
@@ -126,20 +136,9 @@ def ours(views: Views) -> Image:
     return side.parallax.relief_mm
 
 
-def strips_on_rows(views: Views) -> Image:
-    """Return all strips on the panorama's rows and columns, (frame, z, θ), NaN where a frame shows nothing."""
-    rows = {float(z): k for k, z in enumerate(views.panorama.z_mm)}
-    strips = np.full((len(views.strips), *views.panorama.grid.shape), np.nan, np.float32)
-    for k, strip in enumerate(views.strips):
-        for row, z_mm in enumerate(strip.z_mm):
-            if float(z_mm) in rows:
-                strips[k, rows[float(z_mm)]] = np.where(strip.valid[row], strip.intensity[row], np.nan)
-    return strips
-
-
 def _write_views(views: Views, folder: Path) -> None:
     write_panorama(views.panorama, folder)
-    np.save(folder / "strips.npy", strips_on_rows(views))
+    np.save(folder / "strips.npy", views.strips_on_rows())
     facts = {
         "frame_z_mm": views.frame_z_mm.tolist(),
         "from_middle_mm": views.from_middle_mm.tolist(),
