@@ -27,6 +27,8 @@ DEEPEST_MM = 1.0
 DARK, BRIGHT = 1.0, 99.0
 """Percentiles of brightness that are black and white."""
 DPI = 120
+LABEL_PT = 5.5
+"""Of names, so that the longest is no longer than its row is high."""
 DIGITS = (0, 1, 2)
 """Of the number of cells, their share of the wall, and their depth."""
 
@@ -79,7 +81,7 @@ def _sheet(folder: Path, entries: list[Entry]) -> bytes:
         figure = Figure(figsize=(PAGE_WIDTH_IN, 1.2 * len(entries) + 0.2), dpi=DPI, layout="constrained")
         rows = figure.subplots(len(entries), 3, squeeze=False)
         for entry, (light, depth, cells) in zip(entries, rows, strict=True):
-            light.set_ylabel(entry.name)
+            light.set_ylabel(entry.name, fontsize=LABEL_PT)
             if "endoscope" in entry.unrolled:
                 panorama = load_panorama(folder / entry.name / "endoscope.zarr")
                 black, white = np.percentile(panorama.intensity[panorama.valid], (DARK, BRIGHT))
