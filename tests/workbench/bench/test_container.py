@@ -61,7 +61,9 @@ def lines(log_of_runtime: Path) -> list[list[str]]:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the runtime is a script")
-def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(log_of_runtime: Path) -> None:
+def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(
+    log_of_runtime: Path, request: pytest.FixtureRequest
+) -> None:
     given = panorama()
     assert np.array_equal(program(parse_programs((f"mine={COPY}",), "here:1")["mine"])(given), given.valid)
     inspected, run, removed = lines(log_of_runtime)
@@ -69,6 +71,8 @@ def test_a_container_has_no_network_reads_its_case_and_writes_its_answer_alone(l
     options, command = run[1 : run.index("here:1")], run[run.index("here:1") + 1 :]
     assert {"--network=none", "--read-only", "--cap-drop=all", "--pull=never"} < {*options}
     assert f"--memory={MOST_MEMORY_BYTES}b" in options
+    by_docker = request.node.callspec.params["log_of_runtime"] == "docker"  # its service would write as administrator
+    assert f"--user={os.getuid() if by_docker else 0}:{os.getgid() if by_docker else 0}" in options
     assert command[:2] == ["sh", "-c"]
     reads, writes = command[-2:]
     volumes = [each.removeprefix("--volume=") for each in options if each.startswith("--volume=")]

@@ -83,7 +83,8 @@ def test_the_card_shows_what_walls_are_like(deposited: tuple[Path, SpecimenSet])
 def test_a_table_has_medians_over_the_specimens_of_a_kind(tmp_path: Path) -> None:
     for k, rows in enumerate((1, 3, 2)):
         cell = np.zeros((10, 20), np.bool_)
-        cell[:rows, [0, -1]] = True  # one cell, across the seam of θ
+        cell[:rows, [0, -1]] = True  # one cell, across the seam of θ, and another of one sample
+        cell[6, 0] = True
         wall = {"cell": cell, "relief_mm": np.where(cell, 0.1 * (k + 1), 0.0).astype(np.float32)}
         names = {name: Named(("z", "theta"), values) for name, values in wall.items()}
         places = {"z": np.arange(10.0), "theta": np.arange(20.0)}
@@ -94,7 +95,7 @@ def test_a_table_has_medians_over_the_specimens_of_a_kind(tmp_path: Path) -> Non
     listed = SpecimenSet(set="a set", half="public", size="small", key="", versions={}, specimens=tuple(entries))
     line = walls_of_kinds(tmp_path, listed)
     tasks = " ".join(TASKS)
-    assert line == f"| simulator | easy | {tasks} | 3 | 1 (1–1) | 2.0 (1.0–3.0) | 0.20 (0.10–0.30) |"
+    assert line == f"| simulator | easy | {tasks} | 3 | 2 (2–2) | 2.5 (1.5–3.5) | 0.20 (0.10–0.30) |"
 
 
 def test_croissant_states_what_is_there(deposited: tuple[Path, SpecimenSet]) -> None:
