@@ -1,11 +1,12 @@
 """What `endoct bench` came to on the specimens of a published set, by generator and side, as lines of a table.
 
     python -m benchmarks.published -o FULL --full --workers 2
-    endoct bench wall -o RESULTS/wall --data FULL --methods endoct,union          # and the other tasks
+    endoct bench wall -o RESULTS/wall --data FULL/s*[13579] --methods endoct,union          # and the other tasks
     python -m benchmarks.full_set RESULTS/wall …
 
-Methods run within one process here, on the set as it lies: that is no submission, and takes half of the time. A rival
-leads in a case where it alone succeeds or, where both or neither do, its main score is better. p is of the sign test.
+Odd numbers are the test split, and what begins with "s" has no CT. Methods run within one process here, on the set as
+it lies: that is no submission. A rival leads in a case where it alone succeeds or, where both or neither do, its main
+score is better. p is of the sign test.
 """
 
 import csv

@@ -178,8 +178,10 @@ def write_layout(
         raise EndoctError(f"there is no layout '{layout}'", expected=" or ".join(get_args(Layout)))
     if layout == "huggingface" and task != PICTURED:
         raise EndoctError(f"there are no pictures of the task '{task}'", expected=PICTURED, remedy="--to webdataset")
-    entries = read_finished_set(folder).specimens
-    splits = list(dict.fromkeys(entry.split for entry in entries if task in entry.tasks)) or ["train"]
+    entries = [entry for entry in read_finished_set(folder).specimens if task in entry.tasks]
+    if not entries:
+        raise EndoctError(f"{folder} has no example for '{task}'")
+    splits = list(dict.fromkeys(entry.split for entry in entries))
     facts = {entry.name: {"generator": str(entry.generator), "difficulty": str(entry.difficulty)} for entry in entries}
     write = _WRITERS[layout]
     n_written = 0
