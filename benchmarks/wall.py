@@ -12,14 +12,17 @@ places them as `endoct compare` does, and keeps what they show with the truth on
 import argparse
 import os
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from safetensors.torch import load_file, save_file
+from torch import nn
 
 from benchmarks.pairs import RecordedPair, recorded
 from endoct.base.arrays import Image, Mask
@@ -102,10 +105,6 @@ def kept(folder: Path) -> Iterator[Known]:
 
 def train(networks: Sequence[str], folder: Path, into: Path) -> None:
     """Train ``networks``, cell and depth, on the specimens in ``folder``, and write their weights beside others."""
-    import torch
-    from safetensors.torch import load_file, save_file
-    from torch import nn
-
     rng = np.random.default_rng(0)
     cells: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
     depths: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
@@ -121,42 +120,51 @@ def train(networks: Sequence[str], folder: Path, into: Path) -> None:
                 some = rng.choice(np.flatnonzero(told), n)
                 depths.append((depth_features(shown, told)(some), (known.relief_mm - depth_mm).flat[some][None]))
 
-    def fitted(
-        samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], width: int, n_answers: int
-    ) -> nn.Sequential:
-        torch.manual_seed(0)
-        given, wanted = (torch.from_numpy(np.concatenate(part, axis=1).T.copy()) for part in zip(*samples, strict=True))
-        middle, spread = given.mean(0), given.std(0) + 1e-6
-        layers = (nn.Linear(given.shape[1], width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
-        network = nn.Sequential(*layers, nn.Linear(width, n_answers))
-        scaled = (given - middle) / spread
-        optimizer = torch.optim.Adam(network.parameters(), RATE)
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
-        for _ in range(EPOCHS):
-            for some in torch.randperm(len(scaled)).split(BATCH):
-                answer, true = network(scaled[some]), wanted[some]
-                if n_answers == 1:
-                    loss = nn.functional.binary_cross_entropy_with_logits(answer, true)
-                else:  # a Student's t, 4 degrees of freedom: where a floor is another cell's, errors are large
-                    log_error = answer[:, 1:].clamp(-6, 1)
-                    z = (true - answer[:, :1]) / log_error.exp()
-                    loss = (log_error + 2.5 * torch.log1p(z**2 / 4)).mean()
-                optimizer.zero_grad()
-                loss.backward()
-                optimizer.step()
-            schedule.step()
-        first = network[0]
-        with torch.no_grad():  # the scaling of what is given becomes part of the first layer
-            first.weight /= spread
-            first.bias -= first.weight @ middle
-        return network
+    samples = {"cell": (cells, 1), "depth": (depths, 2)}
+    save_networks({name: fitted(samples[name][0], WIDTHS[name], samples[name][1]) for name in networks}, into)
 
+
+def fitted(
+    samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], width: int, n_answers: int
+) -> nn.Sequential:
+    """Return a network that answers what is wanted of ``samples``, (given, wanted) each.
+
+    One answer is trained as log odds. Two are a value and the logarithm of its scale.
+    """
+    torch.manual_seed(0)
+    given, wanted = (torch.from_numpy(np.concatenate(part, axis=1).T.copy()) for part in zip(*samples, strict=True))
+    middle, spread = given.mean(0), given.std(0) + 1e-6
+    layers = (nn.Linear(given.shape[1], width), nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+    network = nn.Sequential(*layers, nn.Linear(width, n_answers))
+    scaled = (given - middle) / spread
+    optimizer = torch.optim.Adam(network.parameters(), RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, EPOCHS)
+    for _ in range(EPOCHS):
+        for some in torch.randperm(len(scaled)).split(BATCH):
+            answer, true = network(scaled[some]), wanted[some]
+            if n_answers == 1:
+                loss = nn.functional.binary_cross_entropy_with_logits(answer, true)
+            else:  # a Student's t, 4 degrees of freedom: where a floor is another cell's, errors are large
+                log_error = answer[:, 1:].clamp(-6, 1)
+                z = (true - answer[:, :1]) / log_error.exp()
+                loss = (log_error + 2.5 * torch.log1p(z**2 / 4)).mean()
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+        schedule.step()
+    first = network[0]
+    with torch.no_grad():  # the scaling of what is given becomes part of the first layer
+        first.weight /= spread
+        first.bias -= first.weight @ middle
+    return network
+
+
+def save_networks(networks: Mapping[str, nn.Sequential], into: Path) -> None:
+    """Write the weights of ``networks``, by name, beside those that lie in the file already."""
     weights = load_file(into) if into.exists() else {}
-    for name, (samples, n_answers) in {"cell": (cells, 1), "depth": (depths, 2)}.items():
-        if name in networks:
-            trained = fitted(samples, WIDTHS[name], n_answers)
-            weights |= {f"{name}.{key}": value for key, value in trained.state_dict().items()}
-    save_file({key: value.contiguous() for key, value in weights.items()}, into)
+    for name, network in networks.items():
+        weights |= {f"{name}.{key}": value.contiguous() for key, value in network.state_dict().items()}
+    save_file(weights, into)
 
 
 def _far_from_rows(sides: BothSides) -> BothSides:

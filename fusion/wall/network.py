@@ -1,4 +1,4 @@
-"""The two small networks of the wall: from what both sides show of a sample to a cell's odds, and to its depth.
+"""The small networks of the wall: from what sides show of a sample to a cell's odds, and to its depth.
 
 ``benchmarks/wall.py`` trains them, on simulated bores of two generators, and says how well they do on others.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import load
 
-Network = Literal["cell", "depth"]
+Network = Literal["cell", "depth", "light"]
 Layers = tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
 WEIGHTS = "wall.safetensors"
 AT_ONCE = 65_536

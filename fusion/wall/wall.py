@@ -8,12 +8,19 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 from endoct.base.arrays import Image, Mask
-from endoct.base.numeric.circle import gaussian
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.base.numeric.regions import Labels, label, quantiles, remove_small
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, cell_features
+from endoct.fusion.wall.light_alone import (
+    AROUND_MM,
+    SHALLOWEST_MM,
+    TRUST_MM,
+    WIDEST_MM,
+    depth_by_light,
+    mean_around,
+)
 from endoct.fusion.wall.network import AT_ONCE, answers
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
@@ -23,18 +30,10 @@ NOBODY, BY_LIGHT, BY_DEPTH, BY_BOTH = range(4)
 """Who decided a sample: nobody saw it, one side alone was followed, or both say the same or were weighed."""
 SMALLEST_MM2 = 0.01
 """Smaller cells are none, as on either side."""
-TRUST_MM = 0.05
-"""A standard error of depth by parallax of this size halves the trust in it."""
 LEAST_SHARE = 0.5
 """A sample on a measured row is a cell's by depth where a larger share of it is."""
-AROUND_MM, ROW_MM = 0.06, 0.03
-"""Standard deviations of what counts around a sample: of what the side with light shows, and on a measured row."""
-LEAST_WEIGHT = 0.01
-"""With less of it known around, a mean is not known either."""
-WIDEST_MM = 1.5
-"""A wider cell is no deeper for that."""
-SHALLOWEST_MM = 0.01
-"""No cell is less deep."""
+ROW_MM = 0.03
+"""Standard deviation of what counts around a sample on a measured row."""
 ERRORS_MM = (0.005, 1.0)
 """No depth is known better or worse."""
 OF_SCALE, DEEP_MM = (1.4, 2.6), (1.0, 1.4)
@@ -131,11 +130,11 @@ def depth_features(sides: BothSides, cells: Mask) -> Callable[[NDArray[np.intp]]
     grid, rows, (labels, n) = sides.grid, sides.rows, label(cells)
     outline_mm = signed_distance(cells, (grid.dz_mm, grid.dtheta_mm), FARTHEST_MM)
     around = AROUND_MM / grid.dz_mm, AROUND_MM / grid.dtheta_mm
-    by_light = [_mean_around(of, cells & np.isfinite(of), *around) for of in (sides.parallax_mm, sides.darkness)]
+    by_light = [mean_around(of, cells & np.isfinite(of), around) for of in (sides.parallax_mm, sides.darkness)]
     of_cell = _of_whole_cells(sides, labels, n)
     known = (rows.cells > LEAST_SHARE) & np.isfinite(rows.relief_mm)
     mean_mm, square, bright = (
-        _mean_around(of, known, 0.0, ROW_MM / grid.dtheta_mm)
+        mean_around(of, known, (0.0, ROW_MM / grid.dtheta_mm))
         for of in (rows.relief_mm, rows.relief_mm**2, rows.brightness)
     )
     spread_mm = np.sqrt(np.maximum(square - mean_mm**2, 0))
@@ -172,15 +171,6 @@ def _of_whole_cells(sides: BothSides, labels: Labels, n: int) -> Iterable[NDArra
     return median_mm, high_mm, np.isfinite(median_mm), np.minimum(radius_mm, WIDEST_MM)
 
 
-def _mean_around(image: Image, known: Mask, sigma_rows_px: float, sigma_columns_px: float) -> Image:
-    """Return the mean of what is ``known`` around each sample, by a Gaussian; 0 far from all of it."""
-    total, weight = (
-        gaussian(part, sigma_rows_px, sigma_columns_px)
-        for part in (np.where(known, image, np.float32(0)), known.astype(np.float32))
-    )
-    return np.divide(total, weight, out=np.zeros_like(total), where=weight > LEAST_WEIGHT)
-
-
 def known_depth(sides: BothSides) -> Image:
     """Return the relief that was measured, and by parallax where none was, float32, NaN where neither is known."""
     return np.asarray(np.where(np.isfinite(sides.relief_mm), sides.relief_mm, sides.parallax_mm))
@@ -201,6 +191,11 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
         relief_mm.flat[some] = np.maximum(depth_mm.flat[some] + beyond_mm, SHALLOWEST_MM)
         scales = np.interp(relief_mm.flat[some], DEEP_MM, OF_SCALE)
         error_mm.flat[some] = np.clip(scales * np.exp(log_error), *ERRORS_MM)
+    rest = cells & ~told
+    if rest.any():
+        by_light = depth_by_light(sides.grid, cells, sides.darkness, sides.parallax_mm, sides.parallax_error_mm)
+        for of, light in zip((relief_mm, error_mm), by_light, strict=True):
+            of[rest] = light[rest]
     return relief_mm, error_mm
 
 

@@ -17,6 +17,9 @@ import numpy as np
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.fusion.wall.light_alone import depth_of_side
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated
@@ -127,13 +130,12 @@ def judge(case: Case[Views, Depths], answer: object) -> dict[str, float]:
 
 
 def ours(views: Views) -> Image:
-    """Return depth as `endoct compare` takes it: by parallax, relative to the wall. NaN where it is not known."""
+    """Return depth as endoct knows it by an endoscope alone: in its cells by all that light shows, else by parallax."""
     from endoct.workbench import api
 
     side = Side("endoscope", api.unroll(views.recording))
-    if side.parallax is None:
-        raise Declined("the depth is not known: no optics are stated, or frames agree on too little")
-    return side.parallax.relief_mm
+    cells = segment_side(side, SegmentParameters(), "dark").mask & side.panorama.valid
+    return depth_of_side(side, cells)[0]
 
 
 def _write_views(views: Views, folder: Path) -> None:

@@ -1,0 +1,142 @@
+"""Depth of cells by what an endoscope shows of them alone: its network trained, and held against truth.
+
+    python -m benchmarks.light_alone make sound:9300:9328 quick:9300:9316 --into BORES [--workers 2]
+    python -m benchmarks.light_alone train --bores BORES [--into fusion/wall/wall.safetensors]
+    python -m benchmarks.light_alone judge --bores OTHER_BORES
+
+Sets are presets of the simulator and those of the independent generator. ``make`` unrolls an endoscope's recording,
+finds its cells as `endoct compare` does, and keeps them with the truth: 15 s of one core each.
+"""
+
+import argparse
+import os
+import pickle
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.parallax import DEPTHS_MM, of_independent, of_simulator
+from benchmarks.wall import fitted, keep, save_networks
+from endoct.base.arrays import Image, Mask
+from endoct.fusion.evidence.side import Side
+from endoct.fusion.segmentation.parameters import SegmentParameters
+from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.fusion.wall.light_alone import DEEPEST_MM, depth_by_light, light_features
+from endoct.stitching.grid import SurfaceGrid
+from endoct.synthetic.sample.presets import PRESETS
+
+SAMPLES_A_BORE = 5000
+WIDTH = 48
+Shown = tuple[SurfaceGrid, Mask, Image, Image, Image]
+"""What :func:`depth_by_light` is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bore:
+    """What an endoscope shows of a bore, with its true cells and relief, to 2.5 mm, on the same samples."""
+
+    name: str
+    shown: Shown
+    cell: Mask
+    relief_mm: Image
+
+
+def made(into: Path, case: tuple[str, int]) -> str:
+    """Make and keep a bore; say that it is there."""
+    name, seed = case
+    path = into / f"{name}-{seed}.pkl"
+    if not path.exists():
+        with TemporaryDirectory() as scratch:
+            recorded = (of_simulator if name in PRESETS else of_independent)(name, seed, Path(scratch))
+        side, valid = Side("endoscope", recorded.panorama), recorded.panorama.valid
+        cells = segment_side(side, SegmentParameters(), "dark").mask & valid
+        relief_mm = np.minimum(recorded.relief_mm, np.float32(DEEPEST_MM))
+        keep(Bore(name, shown_by(side, cells), recorded.cell & valid, relief_mm), path)
+    return path.name
+
+
+def shown_by(side: Side, cells: Mask) -> Shown:
+    """Return what tells the depth of ``cells``."""
+    nowhere = np.full(cells.shape, np.nan, np.float32)
+    parallax = (nowhere, nowhere) if side.parallax is None else (side.parallax.relief_mm, side.parallax.error_mm)
+    return (side.grid, cells, side.contrast("dark").values, *parallax)
+
+
+def kept(folder: Path) -> Iterator[Bore]:
+    """Yield the bores in a folder."""
+    for path in sorted(folder.glob("*.pkl")):
+        yield pickle.loads(path.read_bytes())
+
+
+def train(folder: Path, into: Path) -> None:
+    """Train the network on the bores in ``folder``, and write its weights beside others."""
+    rng = np.random.default_rng(0)
+    samples = []
+    for bore in kept(folder):
+        of_cells = light_features(*bore.shown)
+        some = rng.integers(0, of_cells.shape[1], SAMPLES_A_BORE)
+        samples.append((of_cells[:, some], bore.relief_mm[bore.shown[1]][some][None]))
+    save_networks({"light": fitted(samples, WIDTH, 2)}, into)
+
+
+def judged(bore: Bore) -> dict[str, float]:
+    """Return how far depths are off in true cells, where what is not known counts as the wall, and how errors hold."""
+    depth_mm, error_mm = depth_by_light(*bore.shown)
+    parallax_mm, cell = bore.shown[3], bore.cell
+    row = {
+        f"{name}, median µm": 1e3 * float(np.median(np.abs(np.nan_to_num(of) - bore.relief_mm)[cell]))
+        for name, of in (("light", depth_mm), ("parallax", parallax_mm))
+    }
+    right = cell & np.isfinite(depth_mm)
+    off_mm = depth_mm - bore.relief_mm
+    for low, high in ((0.0, 9.0), *DEPTHS_MM):
+        part = right & (bore.relief_mm > low) & (bore.relief_mm <= high)
+        if part.sum() > 500:
+            within = np.abs(off_mm[part]) / error_mm[part]
+            row |= {f"{low:g}–{high:g}: within {k}": float((within <= k).mean()) for k in (1, 2)}
+            row[f"{low:g}–{high:g}: bias µm"] = 1e3 * float(np.median(off_mm[part]))
+            row[f"{low:g}–{high:g}: mean µm"] = 1e3 * float(np.abs(off_mm[part]).mean())
+    return row
+
+
+def table(rows: Sequence[tuple[str, dict[str, float]]]) -> Iterator[str]:
+    """Yield, by set, the medians over bores of all figures, with their least and greatest."""
+    for name in dict.fromkeys(of for of, _ in rows):
+        mine = [row for of, row in rows if of == name]
+        yield f"{name}: {len(mine)}"
+        for key in dict.fromkeys(key for row in mine for key in row):
+            values: NDArray[np.float64] = np.array([row[key] for row in mine if key in row])
+            yield f"    {key}: {np.median(values):.3g} ({values.min():.3g} to {values.max():.3g}; {values.mean():.3g})"
+
+
+def main() -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.light_alone", description=__doc__)
+    parser.add_argument("act", choices=("make", "train", "judge"))
+    parser.add_argument("sets", nargs="*")
+    parser.add_argument("--bores", type=Path)
+    parser.add_argument("--into", type=Path, default=Path("fusion/wall/wall.safetensors"))
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    if options.act == "train":
+        train(options.bores, options.into)
+    elif options.act == "judge":
+        print("\n".join(table([(bore.name, judged(bore)) for bore in kept(options.bores)])))
+    else:
+        options.into.mkdir(exist_ok=True)
+        parts = (each.split(":") for each in options.sets)
+        cases = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
+        with ProcessPoolExecutor(options.workers) as pool:
+            for name in pool.map(partial(made, options.into), cases):
+                print(name, flush=True)
+
+
+if __name__ == "__main__":
+    main()
