@@ -44,6 +44,14 @@ def test_what_both_show_is_the_wall_over_the_seam_too() -> None:
     assert np.median(wall.error_mm[~wall.cells]) == pytest.approx(0.004, rel=0.1)  # the noise of the plain wall
 
 
+def test_where_everything_is_a_cell_no_plain_wall_is_measured() -> None:
+    everywhere = np.ones(GRID.shape, np.bool_)
+    wall = wall_from(sides(everywhere, everywhere))
+    assert wall.cells.all()
+    assert (wall.relief_mm > 0.1).all()
+    assert np.isfinite(wall.error_mm).all()
+
+
 def test_rolling_both_sides_rolls_the_wall() -> None:
     light, depth = disc(2.0, 1.0, 0.4) | disc(3.0, 4.0, 0.2), disc(2.0, 1.1, 0.35)
     rolled = wall_from(sides(np.roll(light, 170, 1), np.roll(depth, 170, 1), np.zeros(GRID.shape)))
