@@ -10,6 +10,7 @@ from endoct.fusion.pose.air import STEP_MM, AirAround
 from endoct.fusion.pose.outlook import LARGEST_ERROR_MM, Prospect, Tried, facts_of, rehearsed, wall_of_plan
 from endoct.fusion.pose.rehearsal import BY_CELLS, WITH_DEPTH, rehearse
 from endoct.fusion.pose.search import COLUMNS, ROWS_MM
+from endoct.fusion.pose.wall import RIMS, SHARED
 
 LENGTH_MM, RADIUS_MM, SEEN_MM = 12.0, 1.25, 10.0
 GOOD = Tried(None, True, 0.1, 0.5, 0.1, 0.7, None)
@@ -81,6 +82,17 @@ def test_a_rehearsal_is_a_bore_near_its_plan_and_the_same_for_the_same_seed(bone
         assert tilt <= np.radians(2.0)
         entry = one.parameters[:2].numpy() - LENGTH_MM / 2 * np.array([one.parameters[3], -one.parameters[2]])
         assert np.hypot(*entry) <= 1.0
+
+
+def test_rims_make_what_a_rehearsal_shows_longer_or_shorter(bone: AirAround) -> None:
+    for seed in (3, 4, 5):
+        sharp, soft = (
+            rehearse(bone, replace(WITH_DEPTH, rims_mm=rims_mm), RADIUS_MM, SEEN_MM, np.random.default_rng(seed))
+            for rims_mm in (0.0, 0.3)
+        )
+        assert sharp.parameters[SHARED + RIMS] == 0
+        more = soft.shown.layers[0].air.sum() - sharp.shown.layers[0].air.sum()
+        assert np.sign(more) == np.sign(float(soft.parameters[SHARED + RIMS]))
 
 
 def test_in_good_bone_a_rehearsal_is_told_at_its_place(bone: AirAround) -> None:

@@ -19,6 +19,7 @@ from endoct.base.compute.parallel import thread_map
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.modalities.conformance import CHECKS, Subject
+from endoct.modalities.endoscope import plugin
 from endoct.modalities.endoscope.calibration import EndoscopeCalibration
 from endoct.modalities.endoscope.manifest import MANIFEST
 from endoct.modalities.endoscope.parameters import EndoscopeParameters
@@ -194,6 +195,18 @@ def conforming(quick_specimen: Path, tmp_path_factory: pytest.TempPathFactory) -
     for name in ["acquisition.toml", *(f"frame_{k:04d}.png" for k in range(4))]:
         shutil.copy(quick_specimen / "endoscope" / name, folder / name)
     return Subject(MANIFEST, folder)
+
+
+def test_a_picture_of_a_frame_is_reduced_but_never_enlarged(
+    specimen: tuple[Path, dict[str, Any], EndoscopeCalibration], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, _, calibration = specimen
+    frame = open_recording(recording)[1][0]
+    height, width = frame.samples.shape[:2]
+    assert max(height, width) < plugin.PICTURE_SIDE_PX
+    assert plugin.picture_frame(frame, calibration)[0].image.shape[:2] == (height, width)
+    monkeypatch.setattr(plugin, "PICTURE_SIDE_PX", width // 4)
+    assert max(plugin.picture_frame(frame, calibration)[0].image.shape[:2]) == width // 4
 
 
 def test_one_frame_is_a_recording(short: Callable[..., Path]) -> None:

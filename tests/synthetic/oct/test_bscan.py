@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +13,14 @@ from tolerances import RAW_SPECTRA_DB, SPECKLE_GRAIN
 
 from endoct.synthetic.bone.wall import Wall, build_wall
 from endoct.synthetic.draw import draw
+from endoct.synthetic.oct import bscan
 from endoct.synthetic.oct.beams import Echoes, trace
 from endoct.synthetic.oct.bscan import noise_free, offset, render_bscan, render_bscans, spectra
 from endoct.synthetic.oct.scattered_field import scattered
 from endoct.synthetic.oct.spectrometer import LOG_BIAS_DB, Spectrometer, chirp, roll_off, spectrometer
 from endoct.synthetic.oct.sweep import Appearance, Sweep, Turn, build_appearance
 from endoct.synthetic.sample.parameters import LostAscans, Oct, Sample
+from endoct.synthetic.sample.presets import PRESETS
 from tests.synthetic.fingerprints import KINDS, changed
 
 N = 1024
@@ -199,6 +203,17 @@ def test_lost_ascans_are_left_out_of_one_and_the_same_turn(sample: Sample, wall:
     assert np.corrcoef(whole[same].ravel(), cut[same].ravel())[0, 1] > 0.95
     assert np.corrcoef(whole[60:400, 240:500].ravel(), cut[60:400, 210:470].ravel())[0, 1] > 0.95
     assert np.corrcoef(whole[60:400, 210:470].ravel(), cut[60:400, 210:470].ravel())[0, 1] < 0.9
+
+
+def test_spectra_are_written_slice_by_slice(sample: Sample, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bscan, "spectra", lambda *given: np.full((2, 3), given[-1], np.uint16))
+    shares: list[float] = []
+    nothing: Any = None
+    bscan.write_spectra(tmp_path / "raw", sample, nothing, nothing, shares.append, 2)
+    n = PRESETS[sample.preset].n_slices
+    written = np.fromfile(tmp_path / "raw" / "spectra.bin", "<u2").reshape(n, 2, 3)
+    assert np.array_equal(written[:, 0, 0], np.arange(n))
+    np.testing.assert_allclose(shares, np.arange(1, n + 1) / n)
 
 
 def test_raw_spectra_give_the_same_bscan(sample: Sample, wall: Wall, appearance: Appearance) -> None:
