@@ -167,10 +167,11 @@ def _size(path: Path) -> int:
 
 
 def _last_words(path: Path) -> str:
-    """Return the end of the last line that a program printed, "" where there is none."""
+    """Return the end of the last line that a program printed, but no pointer to its help; "" where there is none."""
     with path.open("rb") as file:
         file.seek(max(0, file.seek(0, 2) - 10 * LONGEST_LAST_WORDS))
         lines = file.read().decode(errors="replace").strip().splitlines()
+    lines = [line for line in lines if line.strip() and "--help" not in line] or lines
     return lines[-1][-LONGEST_LAST_WORDS:] if lines else ""
 
 

@@ -67,6 +67,8 @@ def test_the_manuals_program_runs(tmp_path: Path, modality: str) -> None:
     [
         ("print('no wall at all'); sys.exit(3)", "exit status 3.*no wall at all"),
         ("raise ValueError('a column too many')", "exit status 1.*a column too many"),
+        ("print('no such image\\n\\nRun x run --help'); sys.exit(125)", "exit status 125.*no such image"),
+        ("print('try --help'); sys.exit(2)", "exit status 2.*try --help"),
         ("pass", "no mask.npy"),
         ("np.save(answer / 'mask.npy', np.ones((2, 3), bool))", "no mask"),
         ("np.save(answer / 'mask.npy', np.ones(np.load(given / 'valid.npy').shape))", "no mask"),
