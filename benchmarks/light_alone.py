@@ -33,7 +33,7 @@ from endoct.synthetic.sample.presets import PRESETS
 
 SAMPLES_A_BORE = 5000
 WIDTH = 48
-Shown = tuple[SurfaceGrid, Mask, Image, Image, Image]
+Light = tuple[SurfaceGrid, Mask, Image, Image, Image]
 """What :func:`depth_by_light` is given."""
 
 
@@ -42,7 +42,7 @@ class Bore:
     """What an endoscope shows of a bore, with its true cells and relief, to 2.5 mm, on the same samples."""
 
     name: str
-    shown: Shown
+    light: Light
     cell: Mask
     relief_mm: Image
 
@@ -57,11 +57,11 @@ def made(into: Path, case: tuple[str, int]) -> str:
         side, valid = Side("endoscope", recorded.panorama), recorded.panorama.valid
         cells = segment_side(side, SegmentParameters(), "dark").mask & valid
         relief_mm = np.minimum(recorded.relief_mm, np.float32(DEEPEST_MM))
-        keep(Bore(name, shown_by(side, cells), recorded.cell & valid, relief_mm), path)
+        keep(Bore(name, light_of(side, cells), recorded.cell & valid, relief_mm), path)
     return path.name
 
 
-def shown_by(side: Side, cells: Mask) -> Shown:
+def light_of(side: Side, cells: Mask) -> Light:
     """Return what tells the depth of ``cells``."""
     nowhere = np.full(cells.shape, np.nan, np.float32)
     parallax = (nowhere, nowhere) if side.parallax is None else (side.parallax.relief_mm, side.parallax.error_mm)
@@ -79,16 +79,16 @@ def train(folder: Path, into: Path) -> None:
     rng = np.random.default_rng(0)
     samples = []
     for bore in kept(folder):
-        of_cells = light_features(*bore.shown)
+        of_cells = light_features(*bore.light)
         some = rng.integers(0, of_cells.shape[1], SAMPLES_A_BORE)
-        samples.append((of_cells[:, some], bore.relief_mm[bore.shown[1]][some][None]))
+        samples.append((of_cells[:, some], bore.relief_mm[bore.light[1]][some][None]))
     save_networks({"light": fitted(samples, WIDTH, 2)}, into)
 
 
 def judged(bore: Bore) -> dict[str, float]:
     """Return how far depths are off in true cells, where what is not known counts as the wall, and how errors hold."""
-    depth_mm, error_mm = depth_by_light(*bore.shown)
-    parallax_mm, cell = bore.shown[3], bore.cell
+    depth_mm, error_mm = depth_by_light(*bore.light)
+    parallax_mm, cell = bore.light[3], bore.cell
     row = {
         f"{name}, median µm": 1e3 * float(np.median(np.abs(np.nan_to_num(of) - bore.relief_mm)[cell]))
         for name, of in (("light", depth_mm), ("parallax", parallax_mm))
