@@ -28,12 +28,11 @@ from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
 from endoct.fusion.wall.light_alone import DEEPEST_MM, depth_by_light, light_features
-from endoct.stitching.grid import SurfaceGrid
 from endoct.synthetic.sample.presets import PRESETS
 
 SAMPLES_A_BORE = 5000
 WIDTH = 48
-Light = tuple[SurfaceGrid, Mask, Image, Image, Image]
+Light = tuple[tuple[float, float], Mask, Image, Image, Image]
 """What :func:`depth_by_light` is given."""
 
 
@@ -65,7 +64,7 @@ def light_of(side: Side, cells: Mask) -> Light:
     """Return what tells the depth of ``cells``."""
     nowhere = np.full(cells.shape, np.nan, np.float32)
     parallax = (nowhere, nowhere) if side.parallax is None else (side.parallax.relief_mm, side.parallax.error_mm)
-    return (side.grid, cells, side.contrast("dark").values, *parallax)
+    return ((side.grid.dz_mm, side.grid.dtheta_mm), cells, side.contrast("dark").values, *parallax)
 
 
 def kept(folder: Path) -> Iterator[Bore]:

@@ -16,7 +16,6 @@ from endoct.base.numeric.regions import label, quantiles
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.wall.both_sides import FARTHEST_MM
 from endoct.fusion.wall.network import answers
-from endoct.stitching.grid import SurfaceGrid
 
 TRUST_MM = 0.05
 """A standard error of depth by parallax of this size halves the trust in it."""
@@ -38,17 +37,20 @@ the 1.14 of theory, since it errs alike in all cells of a bore."""
 
 
 def depth_by_light(
-    grid: SurfaceGrid, cells: Mask, darkness: Image, parallax_mm: Image, parallax_error_mm: Image
+    sample_mm: tuple[float, float], cells: Mask, darkness: Image, parallax_mm: Image, parallax_error_mm: Image
 ) -> tuple[Image, Image]:
     """Return how far the floors of ``cells`` lie behind the wall, and the standard error of that.
 
-    All are arrays (n_z, n_theta), mm, float32; darkness is −log of the intensity over the wall's. NaN means not known
-    in what is given, and in what is returned: outside the cells, and where the darkness is not known.
+    ``sample_mm``: how far samples lie apart, (along z, along θ). Arrays (n_z, n_theta), mm, float32; darkness is −log
+    of the intensity over the wall's. NaN means not known in what is given, and in what is returned: outside the cells,
+    and where the darkness is not known.
     """
     relief_mm, error_mm = (np.full(cells.shape, np.nan, np.float32) for _ in range(2))
     told = cells & np.isfinite(darkness)
     if told.any():
-        depth_mm, log_error = answers("light", light_features(grid, told, darkness, parallax_mm, parallax_error_mm))
+        depth_mm, log_error = answers(
+            "light", light_features(sample_mm, told, darkness, parallax_mm, parallax_error_mm)
+        )
         relief_mm[told] = np.clip(depth_mm, SHALLOWEST_MM, DEEPEST_MM)
         error_mm[told] = np.clip(OF_SCALE * np.exp(log_error), *ERRORS_MM)
     return relief_mm, error_mm
@@ -61,13 +63,14 @@ def depth_of_side(side: Side, cells: Mask) -> tuple[Image, Image]:
     """
     nowhere = np.full(cells.shape, np.nan, np.float32)
     plain = (nowhere, nowhere) if side.parallax is None else (side.parallax.relief_mm, side.parallax.error_mm)
-    of_cells = depth_by_light(side.grid, cells, side.contrast("dark").values, *plain)
+    sample_mm = side.grid.dz_mm, side.grid.dtheta_mm
+    of_cells = depth_by_light(sample_mm, cells, side.contrast("dark").values, *plain)
     relief_mm, error_mm = (np.where(cells, *of) for of in zip(of_cells, plain, strict=True))
     return relief_mm, error_mm
 
 
 def light_features(
-    grid: SurfaceGrid, cells: Mask, darkness: Image, parallax_mm: Image, parallax_error_mm: Image
+    sample_mm: tuple[float, float], cells: Mask, darkness: Image, parallax_mm: Image, parallax_error_mm: Image
 ) -> NDArray[np.float32]:
     """Return what tells the depth of the samples of ``cells``, float32 (13, n), 0 where something is not known.
 
@@ -75,13 +78,12 @@ def light_features(
     mean around. Of the whole cell: the radius of a disc of its area, the median and the ninth decile of darkness and of
     parallax, and the share of which that is known.
     """
-    sample_mm = grid.dz_mm, grid.dtheta_mm
     labels, n = label(cells)
     known = cells & np.isfinite(parallax_mm)
     darkness, parallax_mm = np.minimum(darkness, DARKEST), np.minimum(parallax_mm, DEEPEST_MM)
 
     def features() -> Iterator[NDArray[np.floating]]:
-        near_px, far_px = ((width_mm / grid.dz_mm, width_mm / grid.dtheta_mm) for width_mm in (AROUND_MM, FARTHER_MM))
+        near_px, far_px = ((width_mm / sample_mm[0], width_mm / sample_mm[1]) for width_mm in (AROUND_MM, FARTHER_MM))
         yield darkness[cells]
         yield from (mean_around(darkness, cells, around_px)[cells] for around_px in (near_px, far_px))
         yield signed_distance(cells, sample_mm, FARTHEST_MM)[cells]

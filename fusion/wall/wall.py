@@ -10,7 +10,7 @@ from scipy.special import expit
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.base.numeric.regions import Labels, label, quantiles, remove_small
+from endoct.base.numeric.regions import Labels, label, looked_up, quantiles, remove_small
 from endoct.fusion.sides import Placed
 from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, cell_features
 from endoct.fusion.wall.light_alone import (
@@ -36,6 +36,8 @@ ROW_MM = 0.03
 """Standard deviation of what counts around a sample on a measured row."""
 ERRORS_MM = (0.005, 1.0)
 """No depth is known better or worse."""
+BESIDE_MM = 0.5
+"""How far around a cell light is looked at for its depth."""
 OF_SCALE, DEEP_MM = (1.4, 2.6), (1.0, 1.4)
 """A standard error is so many scales of the Student's t, with 4 degrees of freedom, that the network learned: 1.14 in
 theory, more in bores that it was not trained on, and most in cells so deep that OCT saw no floor."""
@@ -193,10 +195,21 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
         error_mm.flat[some] = np.clip(scales * np.exp(log_error), *ERRORS_MM)
     rest = cells & ~told
     if rest.any():
-        by_light = depth_by_light(sides.grid, cells, sides.darkness, sides.parallax_mm, sides.parallax_error_mm)
+        near = _rows_of_cells(cells, rest, round(BESIDE_MM / sides.grid.dz_mm))
+        of_light = (of[near] for of in (sides.darkness, sides.parallax_mm, sides.parallax_error_mm))
+        by_light = depth_by_light((sides.grid.dz_mm, sides.grid.dtheta_mm), cells[near], *of_light)
         for of, light in zip((relief_mm, error_mm), by_light, strict=True):
-            of[rest] = light[rest]
+            of[near][rest[near]] = light[rest[near]]
     return relief_mm, error_mm
+
+
+def _rows_of_cells(cells: Mask, some: Mask, beside_px: int) -> slice:
+    """Return the rows of those ``cells`` that ``some`` samples are part of, and of what lies next to them."""
+    labels, n = label(cells)
+    has_some = np.zeros(n + 1, np.bool_)
+    has_some[labels[some]] = True
+    rows = np.flatnonzero(looked_up(has_some, labels).any(axis=1))
+    return slice(max(rows[0] - beside_px, 0), rows[-1] + beside_px + 1)
 
 
 def _decided(sides: BothSides, cells: Mask) -> NDArray[np.uint8]:
