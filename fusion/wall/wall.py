@@ -36,7 +36,7 @@ ROW_MM = 0.03
 """Standard deviation of what counts around a sample on a measured row."""
 ERRORS_MM = (0.005, 1.0)
 """No depth is known better or worse."""
-BESIDE_MM = 0.5
+AROUND_CELL_MM = 0.5
 """How far around a cell light is looked at for its depth."""
 OF_SCALE, DEEP_MM = (1.4, 2.6), (1.0, 1.4)
 """A standard error is so many scales of the Student's t, with 4 degrees of freedom, that the network learned: 1.14 in
@@ -195,7 +195,7 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
         error_mm.flat[some] = np.clip(scales * np.exp(log_error), *ERRORS_MM)
     rest = cells & ~told
     if rest.any():
-        near = _rows_of_cells(cells, rest, round(BESIDE_MM / sides.grid.dz_mm))
+        near = _rows_of_cells(cells, rest, round(AROUND_CELL_MM / sides.grid.dz_mm))
         of_light = (of[near] for of in (sides.darkness, sides.parallax_mm, sides.parallax_error_mm))
         by_light = depth_by_light((sides.grid.dz_mm, sides.grid.dtheta_mm), cells[near], *of_light)
         for of, light in zip((relief_mm, error_mm), by_light, strict=True):
@@ -203,13 +203,13 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
     return relief_mm, error_mm
 
 
-def _rows_of_cells(cells: Mask, some: Mask, beside_px: int) -> slice:
+def _rows_of_cells(cells: Mask, some: Mask, margin_px: int) -> slice:
     """Return the rows of those ``cells`` that ``some`` samples are part of, and of what lies next to them."""
     labels, n = label(cells)
     has_some = np.zeros(n + 1, np.bool_)
     has_some[labels[some]] = True
     rows = np.flatnonzero(looked_up(has_some, labels).any(axis=1))
-    return slice(max(rows[0] - beside_px, 0), rows[-1] + beside_px + 1)
+    return slice(max(rows[0] - margin_px, 0), rows[-1] + margin_px + 1)
 
 
 def _decided(sides: BothSides, cells: Mask) -> NDArray[np.uint8]:
