@@ -19,7 +19,7 @@ from math import nan
 import numpy as np
 from scipy.stats import spearmanr
 
-from benchmarks.pairs import recorded
+from benchmarks.pairs import recorded, seeds_of
 from endoct.base.arrays import Coordinates
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.comparison import compare_panoramas, compare_placed, place_sides
@@ -163,11 +163,9 @@ def main() -> None:
     parser.add_argument("--drift", action="store_true")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     given = parser.parse_args()
-    parts = [one.split(":") for one in given.sets]
-    jobs = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
     by = defaultdict[str, list[Aligned]](list)
     with ProcessPoolExecutor(given.workers) as pool:
-        for name, one in pool.map(partial(aligned, drift=given.drift), jobs):
+        for name, one in pool.map(partial(aligned, drift=given.drift), seeds_of(given.sets)):
             by[one.drift or name].append(one)
             by["all"].append(one)
     for name, every in by.items():

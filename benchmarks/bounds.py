@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import spearmanr
 
-from benchmarks.pairs import recorded
+from benchmarks.pairs import recorded, seeds_of
 from endoct.base.arrays import Coordinates, Mask
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import gaussian
@@ -249,10 +249,8 @@ def main() -> None:
     options = parser.parse_args()
     if options.act == "make":
         options.into.mkdir(exist_ok=True)
-        parts = (each.split(":") for each in options.cases)
-        cases = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
         with ProcessPoolExecutor(options.workers) as pool:
-            for said in pool.map(partial(made, options.into), cases):
+            for said in pool.map(partial(made, options.into), seeds_of(options.cases)):
                 print(said, flush=True)
     elif options.act == "pack":
         pack(options.specimens, options.into or PACKAGED)

@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pairs import seeds_of
 from benchmarks.parallax import DEPTHS_MM, of_independent, of_simulator
 from benchmarks.wall import fitted, keep, save_networks
 from endoct.base.arrays import Image, Mask
@@ -130,10 +131,8 @@ def main() -> None:
         print("\n".join(table([(bore.name, judged(bore)) for bore in kept(options.bores)])))
     else:
         options.into.mkdir(exist_ok=True)
-        parts = (each.split(":") for each in options.sets)
-        cases = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
         with ProcessPoolExecutor(options.workers) as pool:
-            for name in pool.map(partial(made, options.into), cases):
+            for name in pool.map(partial(made, options.into), seeds_of(options.sets)):
                 print(name, flush=True)
 
 

@@ -1,5 +1,6 @@
 """Both panoramas of a fresh bore, of a preset of the simulator or a set of the other generator, with the truth."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,6 +28,12 @@ class RecordedPair:
     lies: Alignment
     cell: Mask
     relief_mm: Image
+
+
+def seeds_of(sets: Iterable[str]) -> list[tuple[str, int]]:
+    """Return the sets and seeds of texts such as "sound:9300:9303", the first seed and the one after the last."""
+    parts = (text.split(":") for text in sets)
+    return [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
 
 
 def recorded(name: str, seed: int) -> RecordedPair:

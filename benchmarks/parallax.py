@@ -24,6 +24,7 @@ from benchmarks.independent.mirror import travel
 from benchmarks.independent.pair import write_endoscope
 from benchmarks.independent.sets import recipe_of
 from benchmarks.independent.truth import endoscope_place
+from benchmarks.pairs import seeds_of
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
@@ -187,14 +188,9 @@ def main() -> None:
         return
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    cases = [
-        (name, seed)
-        for name, first, last in (one.split(":") for one in options.sets)
-        for seed in range(int(first), int(last))
-    ]
     rows = []
     with ProcessPoolExecutor(options.workers) as pool:
-        for row in pool.map(judged, *zip(*cases, strict=True)):
+        for row in pool.map(judged, *zip(*seeds_of(options.sets), strict=True)):
             rows.append(row)
             print(
                 row["set"],

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from safetensors.torch import load_file, save_file
 from torch import nn
 
-from benchmarks.pairs import RecordedPair, recorded
+from benchmarks.pairs import RecordedPair, recorded, seeds_of
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
 from endoct.fusion.comparison import place_sides
@@ -252,10 +252,8 @@ def main() -> None:
         print("\n".join(table(rows)))
     else:
         options.into.mkdir(exist_ok=True)
-        parts = (each.split(":") for each in options.sets)
-        cases = [(name, seed) for name, first, last in parts for seed in range(int(first), int(last))]
         with ProcessPoolExecutor(options.workers) as pool:
-            for said in pool.map(partial(_made, options.into), cases):
+            for said in pool.map(partial(_made, options.into), seeds_of(options.sets)):
                 print(said, flush=True)
 
 

@@ -9,13 +9,12 @@ said, and how often without it.
 """
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.pairs import recorded
+from benchmarks.pairs import recorded, seeds_of
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.regions import label
@@ -148,19 +147,12 @@ def is_at(plant: Plant, each: Contradiction, radius_mm: float) -> bool:
     return each.shown_by == plant.shown_by and np.hypot(arc_mm, each.z_mm - plant.z_mm) < RADIUS_MM + NEAR_MM
 
 
-def cases(sets: list[str]) -> Iterator[tuple[str, int]]:
-    """Yield the sets and seeds of "sound:9300:9303"."""
-    for each in sets:
-        name, first, last = each.split(":")
-        yield from ((name, seed) for seed in range(int(first), int(last)))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.wall_planted", description=__doc__)
     parser.add_argument("sets", nargs="+")
     n_planted, n_found, n_false, n_plain, n_pairs = dict.fromkeys(KINDS, 0), dict.fromkeys(KINDS, 0), 0, 0, 0
     n_short, n_said = 0, 0
-    for name, seed in cases(parser.parse_args().sets):
+    for name, seed in seeds_of(parser.parse_args().sets):
         pair = recorded(name, seed)
         a, b = pair.a, pair.b
         plain = place_sides(*two_sides(a, b), CompareParameters())
