@@ -18,7 +18,7 @@ from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.wall.both_sides import both_sides_of, cell_features
 from endoct.fusion.wall.cells import cells_of, contradictions_of, join, write_wall_cells
-from endoct.fusion.wall.network import answers
+from endoct.fusion.wall.network import Network, answers
 from endoct.fusion.wall.wall import (
     BY_BOTH,
     BY_DEPTH,
@@ -50,6 +50,27 @@ def test_where_everything_is_a_cell_no_plain_wall_is_measured() -> None:
     assert wall.cells.all()
     assert (wall.relief_mm > 0.1).all()
     assert np.isfinite(wall.error_mm).all()
+
+
+@pytest.mark.parametrize(
+    ("deep_mm", "log_error", "error_mm"),
+    [(0.5, -3, 1.4), (1.0, -3, 1.4), (1.2, -3, 2.0), (1.4, -3, 2.6), (2.0, -3, 2.6), (0.5, -9, None), (0.5, 3, None)],
+)
+def test_the_error_of_a_depth_grows_beyond_the_reach_and_has_bounds(
+    deep_mm: float, log_error: float, error_mm: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fixed(network: Network, features: NDArray[np.float32]) -> NDArray[np.float32]:
+        n = features.shape[1]
+        return answers(network, features) if network == "cell" else np.array([np.zeros(n), np.full(n, log_error)])
+
+    monkeypatch.setattr("endoct.fusion.wall.wall.answers", fixed)
+    cell = disc(2.5, 0.05, 0.4)
+    given = sides(cell, cell)
+    wall = wall_from(replace(given, relief_mm=np.where(cell, np.float32(deep_mm), given.relief_mm)))
+    inner = disc(2.5, 0.05, 0.3)
+    expected = error_mm * np.exp(log_error) if error_mm else 0.005 if log_error < 0 else 1.0
+    np.testing.assert_allclose(wall.relief_mm[inner], deep_mm, rtol=1e-6)
+    np.testing.assert_allclose(wall.error_mm[inner], expected, rtol=1e-5)
 
 
 def test_rolling_both_sides_rolls_the_wall() -> None:
