@@ -1,11 +1,12 @@
 """Depth of cells by what an endoscope shows of them alone: its network trained, and held against truth.
 
-    python -m benchmarks.light_alone make sound:9300:9328 quick:9300:9316 --into BORES [--workers 2]
+    python -m benchmarks.light_alone make sound:9300:9320 quick:9300:9312 mastoid:9300:9312 hard:9300:9312 \\
+        few:9300:9308 many:9300:9307 floors:9300:9306 tiny:9300:9303 --into BORES
     python -m benchmarks.light_alone train --bores BORES [--into fusion/wall/wall.safetensors]
     python -m benchmarks.light_alone judge --bores OTHER_BORES
 
 Sets are presets of the simulator and those of the independent generator. ``make`` unrolls an endoscope's recording,
-finds its cells as `endoct compare` does, and keeps them with the truth: 15 s of one core each.
+finds its cells as `endoct compare` does, and keeps them with the truth. These 80 bores are those that it learned on.
 """
 
 import argparse

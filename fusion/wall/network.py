@@ -1,6 +1,7 @@
 """The small networks of the wall: from what sides show of a sample to a cell's odds, and to its depth.
 
-``benchmarks/wall.py`` trains them, on simulated bores of two generators, and says how well they do on others.
+``benchmarks/wall.py`` trains two and ``benchmarks/light_alone.py`` the third, on simulated bores of two generators. They
+say how well these do on others.
 """
 
 from functools import lru_cache
