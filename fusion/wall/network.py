@@ -1,6 +1,6 @@
 """The small networks of the wall: from what sides show of a sample to a cell's odds, and to its depth.
 
-``benchmarks/wall.py`` trains two and ``benchmarks/light_alone.py`` the third, on simulated bores of two generators. They
+``benchmarks/wall.py`` trains two, ``benchmarks/light_alone.py`` the third, on simulated bores of two generators. They
 say how well these do on others.
 """
 
