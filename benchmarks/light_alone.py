@@ -2,7 +2,7 @@
 
     python -m benchmarks.light_alone make sound:9300:9320 quick:9300:9312 mastoid:9300:9312 hard:9300:9312 \\
         few:9300:9308 many:9300:9307 floors:9300:9306 tiny:9300:9303 --into BORES
-    python -m benchmarks.light_alone train --bores BORES [--into fusion/wall/wall.safetensors]
+    python -m benchmarks.light_alone train --bores BORES [--into fusion/evidence/networks.safetensors]
     python -m benchmarks.light_alone judge --bores OTHER_BORES
 
 Sets are presets of the simulator and those of the independent generator. ``make`` unrolls an endoscope's recording,
@@ -26,10 +26,10 @@ from benchmarks.pairs import seeds_of
 from benchmarks.parallax import DEPTHS_MM, of_independent, of_simulator
 from benchmarks.wall import fitted, keep, save_networks
 from endoct.base.arrays import Image, Mask
+from endoct.fusion.evidence.light_alone import DEEPEST_MM, depth_by_light, light_features
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
-from endoct.fusion.wall.light_alone import DEEPEST_MM, depth_by_light, light_features
 from endoct.synthetic.sample.presets import PRESETS
 
 SAMPLES_A_BORE = 5000
@@ -123,7 +123,7 @@ def main() -> None:
     parser.add_argument("act", choices=("make", "train", "judge"))
     parser.add_argument("sets", nargs="*")
     parser.add_argument("--bores", type=Path)
-    parser.add_argument("--into", type=Path, default=Path("fusion/wall/wall.safetensors"))
+    parser.add_argument("--into", type=Path, default=Path("fusion/evidence/networks.safetensors"))
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     if options.act == "train":

@@ -1,7 +1,7 @@
 """The one wall of both sides: its networks trained, and it held against truth beside either side and plain rivals.
 
     python -m benchmarks.wall make sound:9300:9310 quick:9300:9308 --into PAIRS [--workers 2]
-    python -m benchmarks.wall train cell depth --pairs PAIRS [--into fusion/wall/wall.safetensors]
+    python -m benchmarks.wall train cell depth --pairs PAIRS [--into fusion/evidence/networks.safetensors]
     python -m benchmarks.wall judge --pairs OTHER_PAIRS
 
 Sets are presets of the simulator and those of the independent generator. ``make`` unrolls both sides of each specimen,
@@ -241,7 +241,7 @@ def main() -> None:
     parser.add_argument("act", choices=("make", "train", "judge"))
     parser.add_argument("sets", nargs="*")
     parser.add_argument("--pairs", type=Path)
-    parser.add_argument("--into", type=Path, default=Path("fusion/wall/wall.safetensors"))
+    parser.add_argument("--into", type=Path, default=Path("fusion/evidence/networks.safetensors"))
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     if options.act == "train":

@@ -8,6 +8,7 @@ import numpy as np
 
 from endoct.base.arrays import Image, Mask, readonly
 from endoct.base.doubt import Doubt
+from endoct.fusion.evidence.light_alone import depth_of_side
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.geometry.alignment import Alignment, SearchOutcome
 from endoct.fusion.geometry.placement import Sampling
@@ -197,21 +198,18 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
     """Return a side with its ``cells`` on ``grid``; ``sampling`` says where its samples lie."""
     panorama, placement = side.panorama, sampling.onto(grid)
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
-    relief, parallax, scale = side.in_reference.relief, side.in_reference.parallax, np.float32(side.scale)
+    relief_mm, relief_error_mm = (
+        None if of is None else np.float32(side.scale) * placement.known(of, np.isfinite(of))
+        for of in _own_relief(side.in_reference, cells)
+    )
     contrast, depth_mm = contrast_of(side, cells), panorama.depth_mm
     nowhere = np.full(grid.shape, np.nan, np.float32)
     return PlacedSide(
         name=side.name,
         mask=placement.mask(cells.mask, panorama.valid)[0],
         valid=valid,
-        relief_mm=(
-            scale * placement.known(relief.values, relief.valid)
-            if relief is not None
-            else None
-            if parallax is None
-            else scale * placement.known(parallax.relief_mm, parallax.known)
-        ),
-        relief_error_mm=None if parallax is None else scale * placement.known(parallax.error_mm, parallax.known),
+        relief_mm=relief_mm,
+        relief_error_mm=relief_error_mm,
         contrast=None if contrast is None else placement.known(contrast.values, contrast.valid),
         intensity=intensity,
         depth_mm=nowhere if depth_mm is None else placement.known(depth_mm, panorama.valid & np.isfinite(depth_mm)),
@@ -219,3 +217,16 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
         source=side,
         cells=cells,
     )
+
+
+def _own_relief(side: Side, cells: Segmentation) -> tuple[Image, Image | None] | tuple[None, None]:
+    """Return relief on a side's own samples, NaN where not known, with its standard error where it was not measured.
+
+    Where parallax was looked for, the depth of dark cells is by all that light shows. Other sides have no relief.
+    """
+    if side.relief is not None:
+        return np.where(side.relief.valid, side.relief.values, np.float32(np.nan)), None
+    if side.panorama.parallax_depth_mm is None:
+        return None, None
+    dark = cells.mask if cells.polarity == "dark" else np.zeros_like(cells.mask)
+    return depth_of_side(side, dark)

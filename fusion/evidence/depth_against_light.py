@@ -27,8 +27,8 @@ bright as the wall too little is that dark to tell."""
 def with_depth_against_light(panorama: Panorama) -> Panorama:
     """Return ``panorama`` with larger errors of depth by parallax where its light lets floors lie deeper.
 
-    NaN where the two contradict each other, and without depth if they do so nearly everywhere. As it is where it has
-    no such depth.
+    NaN where the two contradict each other; everywhere, if they do so nearly everywhere. As it is where it has no such
+    depth.
     """
     depth_mm, error_mm = panorama.parallax_depth_mm, panorama.parallax_error_mm
     if depth_mm is None or error_mm is None:
@@ -39,7 +39,7 @@ def with_depth_against_light(panorama: Panorama) -> Panorama:
     known, contradicts = np.isfinite(depth_mm), short_mm > MOST_APART_MM
     dark = known & (darkness > DARK)
     if dark.sum() > LEAST_DARK * known.sum() and contradicts[dark].mean() > MOST_CONTRADICTED:
-        return replace(panorama, parallax_depth_mm=None, parallax_error_mm=None)
+        contradicts = known
     unknown = np.float32(np.nan)
     return replace(
         panorama,

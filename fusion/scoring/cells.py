@@ -25,7 +25,7 @@ SAME_CELL = 0.5
 OBSERVED = 0.5
 """Share of a cell that the other side must have observed for it to count in scores of cells."""
 DEPTH_KNOWN = 0.5
-"""Share of a cell of which the depth by parallax must be known for it to count."""
+"""Share of a cell of which the depth by light must be known for it to count."""
 FEWEST_TO_DRIFT = 6
 """No drift is estimated from fewer matched cells than this."""
 QUANTILE = 0.95
@@ -47,7 +47,7 @@ class Cell:
     depth_median_mm, depth_p95_mm: of the relief behind the wall.
     volume_mm3: between the nominal bore and that relief, the fan of a cylinder.
     depth_of: the side that measured depth and volume: its own, else the other, over what that one observed. A side
-        with depth by parallax comes last. It must know the depth on half of the cell; the rest is taken to be as deep.
+        with depth by light comes last. It must know the depth on half of the cell; the rest is taken to be as deep.
         Depth and volume are None where no side has depth there.
     contrast: median of ± log of intensity relative to the wall's, where the side's cells are segmented by intensity.
     touches_edge: whether it reaches the end of what its side observed, and so may be larger than it looks.

@@ -39,7 +39,7 @@ class Surface:
     mask, valid: bool, its cells and what it observed.
     relief_mm: float32 behind the wall, NaN where unknown; None where the side has no depth.
     contrast: float32, the evidence by which its cells were separated from the wall; None where that is no intensity.
-    relief_error_mm: float32, the standard error of the relief; None where none is stated, as it is for parallax.
+    relief_error_mm: float32, the standard error of relief that was not measured, but told by light; else None.
     """
 
     name: str
@@ -124,7 +124,7 @@ def strata(sites: Sites, surfaces: Sequence[Surface]) -> Strata:
     """Return the Jaccard index over sites parted by size, depth and contrast, where sides know these.
 
     Contrast is the median over a site, of the first of ``surfaces`` that has it. So is depth: of the first that
-    measures it or, where none does, of the first that has it by parallax.
+    measures it or, where none does, of the first that has it by light.
     """
     with_relief = sorted((s for s in surfaces if s.relief_mm is not None), key=lambda s: s.relief_error_mm is not None)
     relief = next((s.relief_mm for s in with_relief), None)

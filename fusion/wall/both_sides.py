@@ -10,12 +10,11 @@ from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
 from endoct.base.numeric.regions import label, looked_up, within
 from endoct.fusion.evidence.evidence import Evidence
+from endoct.fusion.evidence.light_alone import FARTHEST_MM
 from endoct.fusion.geometry.placement import Placement, Sampling
 from endoct.fusion.sides import Placed
 from endoct.stitching.grid import SurfaceGrid
 
-FARTHEST_MM = 0.3
-"""An outline farther off says no more than that it is far."""
 AROUND_MM = 0.1
 """What one side shows of a cell counts so far beyond the cell's outline, too."""
 SURE = np.float32(0.98)
@@ -63,6 +62,7 @@ class BothSides:
     probability: float32, of a cell by the learned eye of the light's side; NaN where that was not asked.
     relief_mm: float32, how far the surface lies behind the wall by measured depth, interpolated between its rows.
     parallax_mm, parallax_error_mm: relief by parallax with its standard error.
+    light_mm, light_error_mm: the same by all that light shows, as it is the side's own.
     darkness: float32, by which the side with light told its cells; NaN where it did not.
     rows: what was measured on the rows themselves.
 
@@ -78,6 +78,8 @@ class BothSides:
     relief_mm: Image
     parallax_mm: Image
     parallax_error_mm: Image
+    light_mm: Image
+    light_error_mm: Image
     darkness: Image
     rows: MeasuredRows
 
@@ -97,12 +99,14 @@ def both_sides_of(placed: Placed) -> BothSides | None:
     if placed.outcome.alignment is None or sum(measures) != 1 or any(side.scale != 1 for side in placed.both):
         return None
     d = measures.index(True)
-    depth, by_depth, by_light = placed.both[d], placed.sides[d], placed.sides[1 - d]
+    depth, light = placed.both[d], placed.both[1 - d]
+    by_depth, by_light = placed.sides[d], placed.sides[1 - d]
+    onto_grid = placed.samplings[1 - d].onto(placed.grid)
     grid, nowhere = placed.grid, np.full(placed.grid.shape, np.nan, np.float32)
     assert depth.relief is not None  # noqa: S101  it is the side that measures
     assert by_depth.relief_mm is not None  # noqa: S101
-    probability, seen = placed.cells[1 - d].probability, placed.both[1 - d].panorama.valid
-    if placed.both[1 - d].drawing is not None:
+    probability, parallax = placed.cells[1 - d].probability, light.parallax
+    if light.drawing is not None:
         probability = np.where(placed.cells[1 - d].mask, SURE, 1 - SURE)
     return BothSides(
         grid=grid,
@@ -110,10 +114,12 @@ def both_sides_of(placed: Placed) -> BothSides | None:
         light_side=1 - d,
         cells=(placed.sides[0].mask, placed.sides[1].mask),
         observed=(placed.sides[0].valid, placed.sides[1].valid),
-        probability=nowhere if probability is None else placed.samplings[1 - d].onto(grid).known(probability, seen),
+        probability=nowhere if probability is None else onto_grid.known(probability, light.panorama.valid),
         relief_mm=by_depth.relief_mm,
-        parallax_mm=nowhere if by_light.relief_mm is None else by_light.relief_mm,
-        parallax_error_mm=nowhere if by_light.relief_error_mm is None else by_light.relief_error_mm,
+        parallax_mm=nowhere if parallax is None else onto_grid.known(parallax.relief_mm, parallax.known),
+        parallax_error_mm=nowhere if parallax is None else onto_grid.known(parallax.error_mm, parallax.known),
+        light_mm=nowhere if by_light.relief_mm is None else by_light.relief_mm,
+        light_error_mm=nowhere if by_light.relief_error_mm is None else by_light.relief_error_mm,
         darkness=nowhere if by_light.contrast is None else by_light.contrast,
         rows=_measured_rows(depth.relief, depth.panorama.intensity, placed.cells[d].mask, placed.samplings[d], grid),
     )

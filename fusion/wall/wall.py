@@ -10,18 +10,18 @@ from scipy.special import expit
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.ranks import robust_sigma
-from endoct.base.numeric.regions import Labels, label, looked_up, quantiles, remove_small
-from endoct.fusion.sides import Placed
-from endoct.fusion.wall.both_sides import FARTHEST_MM, BothSides, cell_features
-from endoct.fusion.wall.light_alone import (
+from endoct.base.numeric.regions import Labels, label, quantiles, remove_small
+from endoct.fusion.evidence.light_alone import (
     AROUND_MM,
+    FARTHEST_MM,
     SHALLOWEST_MM,
     TRUST_MM,
     WIDEST_MM,
-    depth_by_light,
     mean_around,
 )
-from endoct.fusion.wall.network import AT_ONCE, answers
+from endoct.fusion.evidence.network import AT_ONCE, answers
+from endoct.fusion.sides import Placed
+from endoct.fusion.wall.both_sides import BothSides, cell_features
 from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.per_frame import PerFrame
@@ -36,8 +36,6 @@ ROW_MM = 0.03
 """Standard deviation of what counts around a sample on a measured row."""
 ERRORS_MM = (0.005, 1.0)
 """No depth is known better or worse."""
-AROUND_CELL_MM = 0.5
-"""How far around a cell light is looked at for its depth."""
 OF_SCALE, DEEP_MM = (1.4, 2.6), (1.0, 1.4)
 """A standard error is so many scales of the Student's t, with 4 degrees of freedom, that the network learned: 1.14 in
 theory, more in bores that it was not trained on, and most in cells so deep that OCT saw no floor."""
@@ -194,22 +192,8 @@ def _relief(sides: BothSides, cells: Mask) -> tuple[Image, Image]:
         scales = np.interp(relief_mm.flat[some], DEEP_MM, OF_SCALE)
         error_mm.flat[some] = np.clip(scales * np.exp(log_error), *ERRORS_MM)
     rest = cells & ~told
-    if rest.any():
-        near = _rows_of_cells(cells, rest, round(AROUND_CELL_MM / sides.grid.dz_mm))
-        of_light = (of[near] for of in (sides.darkness, sides.parallax_mm, sides.parallax_error_mm))
-        by_light = depth_by_light((sides.grid.dz_mm, sides.grid.dtheta_mm), cells[near], *of_light)
-        for of, light in zip((relief_mm, error_mm), by_light, strict=True):
-            of[near][rest[near]] = light[rest[near]]
+    relief_mm[rest], error_mm[rest] = sides.light_mm[rest], sides.light_error_mm[rest]
     return relief_mm, error_mm
-
-
-def _rows_of_cells(cells: Mask, some: Mask, margin_px: int) -> slice:
-    """Return the rows of those ``cells`` that ``some`` samples are part of, and of what lies next to them."""
-    labels, n = label(cells)
-    has_some = np.zeros(n + 1, np.bool_)
-    has_some[labels[some]] = True
-    rows = np.flatnonzero(looked_up(has_some, labels).any(axis=1))
-    return slice(max(rows[0] - margin_px, 0), rows[-1] + margin_px + 1)
 
 
 def _decided(sides: BothSides, cells: Mask) -> NDArray[np.uint8]:

@@ -75,14 +75,15 @@ def test_a_depth_a_little_less_than_the_light_tells_is_less_sure_by_that(held: P
 
 def test_where_nearly_all_that_is_dark_seems_to_lie_at_the_wall_frames_show_no_depth() -> None:
     flat = with_depth_against_light(panorama(np.where(DEEP | PITCH_BLACK, np.nan, 0.0)))
-    assert flat.parallax_depth_mm is None
-    assert flat.parallax_error_mm is None
+    assert np.isnan(flat.parallax_depth_mm).all()  # type: ignore[arg-type]
+    assert np.isnan(flat.parallax_error_mm).all()  # type: ignore[arg-type]
     half = with_depth_against_light(panorama(np.where(PITCH_BLACK, 0.0, DEPTH_MM)))
-    assert half.parallax_depth_mm is not None, "half of it is not nearly all"
+    assert np.isfinite(half.parallax_depth_mm).any(), "half of it is not nearly all"  # type: ignore[arg-type]
     speck = (np.hypot(ROWS - 40, COLUMNS - 80) < 6) & DEEP
     assert 0 < speck.mean() < 0.01
     bright = panorama(np.where(speck, 0.0, np.where(DARKNESS > 0, np.nan, DEPTH_MM)))
-    assert with_depth_against_light(bright).parallax_depth_mm is not None, "too little is dark to tell"
+    held = with_depth_against_light(bright)
+    assert np.isfinite(held.parallax_depth_mm).any(), "too little is dark to tell"  # type: ignore[arg-type]
 
 
 def test_a_panorama_without_depth_stays_as_it_is() -> None:

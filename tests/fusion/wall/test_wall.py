@@ -6,19 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bore_pairs import Pair
+from bore_pairs import Pair, make_pair
 from numpy.typing import NDArray
 from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
 from benchmarks.wall_planted import contradictions_in, is_at, planted
 from endoct.base.doubt import Doubt
+from endoct.base.numeric.distance import signed_distance
 from endoct.fusion.comparison import place_sides
+from endoct.fusion.evidence.light_alone import depth_of_side
+from endoct.fusion.evidence.network import Network, answers
 from endoct.fusion.evidence.side import DrawnMask, two_sides
 from endoct.fusion.parameters import CompareParameters
 from endoct.fusion.scoring.overlap import jaccard
 from endoct.fusion.wall.both_sides import both_sides_of, cell_features
 from endoct.fusion.wall.cells import cells_of, contradictions_of, join, write_wall_cells
-from endoct.fusion.wall.network import Network, answers
 from endoct.fusion.wall.wall import (
     BY_BOTH,
     BY_DEPTH,
@@ -123,6 +125,67 @@ def test_depth_is_taken_by_parallax_where_none_was_measured() -> None:
     wall = wall_from(made)
     assert np.nanmedian(wall.relief_mm[wall.cells]) == pytest.approx(0.4, abs=0.1)
     assert (wall.error_mm[wall.cells & np.isfinite(wall.relief_mm)] >= 0.005).all()
+
+
+def test_where_nobody_measured_a_cell_its_depth_is_that_by_light() -> None:
+    lit, deep = disc(2.5, 3.0, 0.3), disc(1.5, 0.05, 0.2)
+    upper = np.broadcast_to(GRID.z_mm[:, None] < 2.5, GRID.shape)
+    given = sides(
+        lit | deep,
+        deep,
+        np.where(upper, np.where(deep, 0.3, 0.0), np.nan),
+        observed=(np.ones(GRID.shape, np.bool_), upper),
+        light_mm=np.where(lit | deep, np.float32(0.7), np.float32(0.01)),
+        light_error_mm=np.full(GRID.shape, 0.25, np.float32),
+    )
+    wall = wall_from(given)
+    alone = wall.cells & ~upper
+    assert alone.any()
+    assert (wall.relief_mm[alone] == np.float32(0.7)).all()
+    assert (wall.error_mm[alone] == np.float32(0.25)).all()
+    for of, by_light in ((wall.relief_mm, 0.7), (wall.error_mm, 0.25)):
+        assert (of[upper] != np.float32(by_light)).all(), "what was measured counts where it is known"
+        assert np.isnan(of[~upper & ~wall.cells]).all()
+
+
+def test_a_sides_own_depth_is_by_all_that_light_shows_and_the_walls_network_gets_parallax(pair: Pair) -> None:
+    told = pair.cells_a & np.broadcast_to(pair.a.grid.z_mm[:, None] > 2.0, pair.cells_a.shape)
+    rng = np.random.default_rng(3)
+    depth_mm = (np.where(told, 0.1, 0.0) + rng.normal(0, 0.004, told.shape)).astype(np.float32)
+    depth_mm[:, 60:100] = np.nan
+    error_mm = np.where(np.isfinite(depth_mm), np.float32(0.2), np.float32(np.nan))
+    seen = replace(pair.a, parallax_depth_mm=depth_mm, parallax_error_mm=error_mm)
+    placed = place_sides(*two_sides(seen, pair.b), CompareParameters())
+    made, own = both_sides_of(placed), placed.sides[0]
+    assert made is not None
+    assert own.relief_mm is not None
+    assert own.relief_error_mm is not None
+    of_side = depth_of_side(placed.both[0], placed.cells[0].mask)
+    for of, expected in zip((own.relief_mm, own.relief_error_mm), of_side, strict=True):
+        placement = placed.samplings[0].onto(placed.grid)
+        np.testing.assert_array_equal(of, placement.known(expected, np.isfinite(expected)))
+    assert made.light_mm is own.relief_mm
+    assert made.light_error_mm is own.relief_error_mm
+    inner = signed_distance(own.mask, (placed.grid.dz_mm, placed.grid.dtheta_mm), 0.3) > 0.1
+    assert np.isfinite(own.relief_mm[inner]).all(), "light shows where frames do not agree"
+    assert np.isnan(made.parallax_mm[inner]).any()
+    known = inner & np.isfinite(made.parallax_mm)
+    assert np.nanmedian(made.parallax_mm[known]) == pytest.approx(0.1, abs=0.02)
+    assert np.median(own.relief_mm[known]) > 0.2, "darkness says so"
+    far = signed_distance(own.mask, (placed.grid.dz_mm, placed.grid.dtheta_mm), 0.3) < -0.1
+    np.testing.assert_allclose(own.relief_mm[far], made.parallax_mm[far], atol=1e-6)
+    np.testing.assert_allclose(own.relief_error_mm[far], made.parallax_error_mm[far], atol=1e-6)
+
+
+def test_where_cells_are_bright_darkness_says_nothing_of_their_depth() -> None:
+    bright = make_pair(bright_cells=True)
+    depth_mm = np.where(bright.cells_a, np.float32(0.3), np.float32(0))
+    seen = replace(bright.a, parallax_depth_mm=depth_mm, parallax_error_mm=np.full_like(depth_mm, 0.02))
+    placed = place_sides(*two_sides(seen, bright.b), CompareParameters())
+    assert placed.cells[0].polarity == "bright"
+    own, made = placed.sides[0], both_sides_of(placed)
+    assert made is not None
+    np.testing.assert_array_equal(own.relief_mm, made.parallax_mm)
 
 
 @pytest.mark.parametrize(("beyond_mm", "scale"), [(0.1, 1.4), (0.9, 2.0), (1.3, 2.6)])

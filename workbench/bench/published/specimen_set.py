@@ -193,9 +193,10 @@ def panorama_means(panorama: Panorama) -> tuple[float, ...]:
     """Return the means of intensity and of depth where these are known, and the percentages that are."""
     valid = panorama.valid
     means = [_mean(panorama.intensity[valid]), _mean(100 * valid)]
-    for depth_mm in (panorama.depth_mm, panorama.parallax_depth_mm):
-        if depth_mm is not None:
-            known = valid & np.isfinite(depth_mm)
+    depths = panorama.depth_mm, panorama.parallax_depth_mm
+    for depth_mm in (of for of in depths if of is not None):
+        known = valid & np.isfinite(depth_mm)
+        if known.any():
             means += [_mean(100 * depth_mm[known]), _mean(100 * known)]
     return tuple(means)
 

@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
-from endoct.fusion.wall.both_sides import FARTHEST_MM, MeasuredRows
+from endoct.fusion.evidence.light_alone import FARTHEST_MM
+from endoct.fusion.wall.both_sides import MeasuredRows
 from endoct.stitching.grid import SurfaceGrid
 from endoct.workbench.bench.tasks.wall import JoinedWall, ShownPair
 

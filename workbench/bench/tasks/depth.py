@@ -16,10 +16,10 @@ import numpy as np
 
 from endoct.base.arrays import Coordinates, Image, Mask
 from endoct.base.errors import EndoctError
+from endoct.fusion.evidence.light_alone import depth_of_side
 from endoct.fusion.evidence.side import Side
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
-from endoct.fusion.wall.light_alone import depth_of_side
 from endoct.stitching.panorama import Panorama
 from endoct.stitching.strip import Strip
 from endoct.workbench.bench.cases.specimens import PRESET_WORDS, load_side, simulated

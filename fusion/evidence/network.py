@@ -1,4 +1,4 @@
-"""The small networks of the wall: from what sides show of a sample to a cell's odds, and to its depth.
+"""The small networks: from what sides show of a sample to a cell's odds, and to its depth.
 
 ``benchmarks/wall.py`` trains two, ``benchmarks/light_alone.py`` the third, on simulated bores of two generators. They
 say how well these do on others.
@@ -15,7 +15,7 @@ from safetensors.numpy import load
 
 Network = Literal["cell", "depth", "light"]
 Layers = tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]
-WEIGHTS = "wall.safetensors"
+WEIGHTS = "networks.safetensors"
 AT_ONCE = 65_536
 """So many samples keep what is made of them in the cache."""
 

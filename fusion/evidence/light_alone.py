@@ -13,10 +13,11 @@ from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.circle import gaussian
 from endoct.base.numeric.distance import signed_distance
 from endoct.base.numeric.regions import label, quantiles
+from endoct.fusion.evidence.network import answers
 from endoct.fusion.evidence.side import Side
-from endoct.fusion.wall.both_sides import FARTHEST_MM
-from endoct.fusion.wall.network import answers
 
+FARTHEST_MM = 0.3
+"""An outline farther off says no more than that it is far."""
 TRUST_MM = 0.05
 """A standard error of depth by parallax of this size halves the trust in it."""
 AROUND_MM, FARTHER_MM = 0.06, 0.15
@@ -59,8 +60,9 @@ def depth_by_light(
 def depth_of_side(side: Side, cells: Mask) -> tuple[Image, Image]:
     """Return the relief of a ``side`` without measured depth and its standard error, with its ``cells``, as above.
 
-    Of the plain wall it is that by parallax.
+    Of the plain wall it is that by parallax. Nothing is known where the side observed nothing.
     """
+    cells = cells & side.panorama.valid
     nowhere = np.full(cells.shape, np.nan, np.float32)
     plain = (nowhere, nowhere) if side.parallax is None else (side.parallax.relief_mm, side.parallax.error_mm)
     sample_mm = side.grid.dz_mm, side.grid.dtheta_mm

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wall_sides import GRID, disc, sides
+from wall_sides import GRID, disc
 
 from endoct.base.arrays import Image, Mask
 from endoct.base.numeric.distance import signed_distance
-from endoct.fusion.evidence.side import Side
-from endoct.fusion.wall.light_alone import (
+from endoct.fusion.evidence.light_alone import (
     DARKEST,
     DEEPEST_MM,
     SHALLOWEST_MM,
@@ -17,7 +16,7 @@ from endoct.fusion.wall.light_alone import (
     depth_of_side,
     light_features,
 )
-from endoct.fusion.wall.wall import known_depth, wall_from
+from endoct.fusion.evidence.side import Side
 from endoct.stitching.panorama import Panorama
 
 SAMPLE_MM = GRID.dz_mm, GRID.dtheta_mm
@@ -127,36 +126,16 @@ def test_a_cell_over_the_seam_is_as_deep_as_anywhere() -> None:
         np.testing.assert_allclose(np.roll(of, turn, 1), rolled, atol=1e-5)
 
 
-def test_the_wall_has_depth_where_light_alone_shows_a_cell() -> None:
-    lit, measured = INSIDE, SMALL
-    upper = np.broadcast_to(GRID.z_mm[:, None] < 2.0, GRID.shape)
-    relief_mm = np.where(upper, np.where(measured, 0.3, 0.0), np.nan)
-    everywhere = np.ones(GRID.shape, np.bool_)
-    given = sides(
-        lit | measured, measured, relief_mm, observed=(everywhere, upper), darkness=as_dark_as(0.8, lit | measured)
-    )
-    wall = wall_from(given)
-    alone = wall.cells & ~np.isfinite(known_depth(given))
-    assert np.count_nonzero(alone) > 0.9 * np.count_nonzero(lit)
-    by_light = depth_by_light(SAMPLE_MM, wall.cells, given.darkness, NOWHERE, NOWHERE)
-    for of, light in zip((wall.relief_mm, wall.error_mm), by_light, strict=True):
-        assert np.array_equal(of[alone], light[alone])
-    both = wall.cells & measured
-    assert np.median(wall.relief_mm[both]) == pytest.approx(0.3, abs=0.1)
-    assert not np.isclose(wall.relief_mm[both], by_light[0][both]).any(), "what was measured counts where it is known"
-    assert np.isnan(wall.relief_mm[~upper & ~wall.cells]).all()
-
-
 def test_a_side_has_its_plain_wall_by_parallax() -> None:
-    cells, dark = INSIDE, as_dark_as(0.8, INSIDE)
-    known = np.broadcast_to(GRID.theta_rad > 1.0, GRID.shape)
+    cells, dark, blind = INSIDE, as_dark_as(0.8, INSIDE), INSIDE & (GRID.theta_rad > 3.2)
+    known = ~blind & (GRID.theta_rad > 1.0)
     rng = np.random.default_rng(2)
     depth_mm = np.where(known, np.where(cells, 0.4, 0.0) + rng.normal(0, 0.004, GRID.shape), np.nan).astype(np.float32)
     panorama = Panorama(
         grid=GRID,
         intensity=np.exp(-dark),
         depth_mm=None,
-        valid=np.ones(GRID.shape, np.bool_),
+        valid=~blind,
         weight=np.ones(GRID.shape, np.float32),
         modality="endoscope",
         handedness_known=True,
@@ -168,6 +147,7 @@ def test_a_side_has_its_plain_wall_by_parallax() -> None:
     relief = side.parallax
     assert relief is not None
     relief_mm, error_mm = depth_of_side(side, cells)
+    cells = cells & ~blind
     plain = known & ~cells
     assert np.array_equal(np.isfinite(relief_mm), known | cells)
     assert np.median(np.abs(relief_mm[plain])) < 0.01
@@ -176,4 +156,4 @@ def test_a_side_has_its_plain_wall_by_parallax() -> None:
     for of, of_cells in zip((relief_mm, error_mm), by_cells, strict=True):
         assert np.array_equal(of[cells], of_cells[cells])
     without = Side("endoscope", replace(panorama, parallax_depth_mm=None, parallax_error_mm=None))
-    assert np.array_equal(np.isfinite(depth_of_side(without, cells)[0]), cells)
+    assert np.array_equal(np.isfinite(depth_of_side(without, cells | blind)[0]), cells)
