@@ -4,9 +4,11 @@
         few:9300:9308 many:9300:9307 floors:9300:9306 tiny:9300:9303 --into BORES
     python -m benchmarks.light_alone train --bores BORES [--into fusion/evidence/networks.safetensors]
     python -m benchmarks.light_alone judge --bores OTHER_BORES
+    python -m benchmarks.light_alone compare SPECIMEN…
 
 Sets are presets of the simulator and those of the independent generator. ``make`` unrolls an endoscope's recording,
 finds its cells as `endoct compare` does, and keeps them with the truth. These 80 bores are those that it learned on.
+``compare`` tells of how many cells an endoscope has a depth of its own, and how far that is from OCT's.
 """
 
 import argparse
@@ -14,7 +16,7 @@ import os
 import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,11 +28,16 @@ from benchmarks.pairs import seeds_of
 from benchmarks.parallax import DEPTHS_MM, of_independent, of_simulator
 from benchmarks.wall import fitted, keep, save_networks
 from endoct.base.arrays import Image, Mask
+from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.light_alone import DEEPEST_MM, depth_by_light, light_features
-from endoct.fusion.evidence.side import Side
+from endoct.fusion.evidence.side import Side, two_sides
+from endoct.fusion.parameters import CompareParameters
+from endoct.fusion.scoring.cells import measure
 from endoct.fusion.segmentation.parameters import SegmentParameters
 from endoct.fusion.segmentation.side_cells import segment_side
+from endoct.fusion.wall.both_sides import both_sides_of
 from endoct.synthetic.sample.presets import PRESETS
+from endoct.workbench import unroll
 
 SAMPLES_A_BORE = 5000
 WIDTH = 48
@@ -106,6 +113,31 @@ def judged(bore: Bore) -> dict[str, float]:
     return row
 
 
+def compared(specimen: Path) -> dict[str, float]:
+    """Return of how many cells an endoscope has a depth by parallax and by light, and how far that is from OCT's.
+
+    Depths are medians over a cell, of both sides over the endoscope's.
+    """
+    placed = place_sides(*two_sides(unroll(specimen / "endoscope"), unroll(specimen / "oct")), CompareParameters())
+    shown, (light, depth) = both_sides_of(placed), placed.sides
+    if shown is None:
+        return {"not aligned": 1.0}
+    parallax = replace(light, relief_mm=shown.parallax_mm, relief_error_mm=shown.parallax_error_mm)
+    by_oct = measure(light, depth, placed.grid, aligned=True)
+    row = {"cells": float(sum(cell.side == light.name for cell in by_oct))}
+    for name, side in (("parallax", parallax), ("light", light)):
+        own = measure(side, depth, placed.grid, aligned=False)
+        off_um = [
+            1e3 * abs(one.depth_median_mm - two.depth_median_mm)
+            for one, two in zip(own, by_oct, strict=True)
+            if one.depth_median_mm is not None and one.depth_of == light.name
+            if two.depth_median_mm is not None and two.depth_of == depth.name
+        ]
+        row[f"{name}: cells"] = float(sum(cell.depth_of == light.name for cell in own))
+        row |= {f"{name}: from OCT, µm": float(np.median(off_um))} if off_um else {}
+    return row
+
+
 def table(rows: Sequence[tuple[str, dict[str, float]]]) -> Iterator[str]:
     """Yield, by set, the medians over bores of all figures, with their least and greatest."""
     for name in dict.fromkeys(of for of, _ in rows):
@@ -120,8 +152,8 @@ def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     parser = argparse.ArgumentParser(prog="python -m benchmarks.light_alone", description=__doc__)
-    parser.add_argument("act", choices=("make", "train", "judge"))
-    parser.add_argument("sets", nargs="*")
+    parser.add_argument("act", choices=("make", "train", "judge", "compare"))
+    parser.add_argument("given", nargs="*", help="sets of bores, or folders of specimens")
     parser.add_argument("--bores", type=Path)
     parser.add_argument("--into", type=Path, default=Path("fusion/evidence/networks.safetensors"))
     parser.add_argument("--workers", type=int, default=2)
@@ -130,10 +162,14 @@ def main() -> None:
         train(options.bores, options.into)
     elif options.act == "judge":
         print("\n".join(table([(bore.name, judged(bore)) for bore in kept(options.bores)])))
+    elif options.act == "compare":
+        with ProcessPoolExecutor(options.workers) as pool:
+            rows = pool.map(compared, map(Path, options.given))
+            print("\n".join(table([("all", row) for row in rows])))
     else:
         options.into.mkdir(exist_ok=True)
         with ProcessPoolExecutor(options.workers) as pool:
-            for name in pool.map(partial(made, options.into), seeds_of(options.sets)):
+            for name in pool.map(partial(made, options.into), seeds_of(options.given)):
                 print(name, flush=True)
 
 

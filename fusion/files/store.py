@@ -30,6 +30,8 @@ from endoct.stitching.store import load_panorama, stored_grid
 
 FORMAT = "endoct-comparison-1"
 PROPERTIES = tuple(field.name for field in fields(Cell))
+LATER = ("depth_error_mm",)
+"""Properties that tables of earlier versions lack; they are the last ones."""
 COMPARISON_STORE = "comparison.zarr"
 """The store in the folder of a comparison."""
 WALL_STORE = "wall.zarr"
@@ -65,8 +67,12 @@ def as_numbers(cells: Sequence[Cell], sides: tuple[str, str]) -> Coordinates:
 
 
 def from_numbers(table: Coordinates, sides: tuple[str, str]) -> tuple[Cell, ...]:
-    """Return the cells that :func:`as_numbers` made a table of. Raises :class:`EndoctError` for any other table."""
-    if table.ndim != 2 or table.shape[1] != len(PROPERTIES) or table.dtype.kind != "f":
+    """Return the cells that :func:`as_numbers` made a table of, now or before ``LATER`` properties came in.
+
+    Raises :class:`EndoctError` for any other table.
+    """
+    n_earlier = len(PROPERTIES) - len(LATER)
+    if table.ndim != 2 or table.shape[1] not in (n_earlier, len(PROPERTIES)) or table.dtype.kind != "f":
         found = f"{table.dtype} {table.shape}"
         raise EndoctError("the table of cells cannot be used", found=found, expected=f"(n, {len(PROPERTIES)}) floats")
     names = (*sides, "both")
@@ -82,7 +88,7 @@ def from_numbers(table: Coordinates, sides: tuple[str, str]) -> tuple[Cell, ...]
             raise EndoctError(f"{name} of a cell cannot be used", found=f"{number:g}")
         return names[int(number)] if name in _SIDES else inner(number)
 
-    cells = tuple(Cell(**{n: value(n, float(x)) for n, x in zip(PROPERTIES, row, strict=True)}) for row in table)
+    cells = tuple(Cell(**{n: value(n, float(x)) for n, x in zip(PROPERTIES, row, strict=False)}) for row in table)
     known = {(cell.side, cell.id) for cell in cells}
     other = {sides[0]: sides[1], sides[1]: sides[0]}
     if len(known) < len(cells) or any(c.partner and (other[c.side], c.partner) not in known for c in cells):

@@ -57,6 +57,7 @@ class Cell:
         sides are not aligned, since nobody knows.
     partner: id of the other side's cell with the largest ``overlap``; None where none overlaps.
     overlap: intersection over union where both sides observed; 0 where none overlaps.
+    depth_error_mm: standard error of the median depth where that is by light; None where it was measured.
     """
 
     side: str
@@ -75,6 +76,7 @@ class Cell:
     seen_by: str
     partner: int | None
     overlap: float
+    depth_error_mm: float | None = None
 
     @property
     def is_matched(self) -> bool:
@@ -177,6 +179,7 @@ def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, 
                 seen_by="both" if cover[k] > 0 else own.name,
                 partner=int(partner[k]) or None,
                 overlap=float(overlap[k]),
+                depth_error_mm=depth.error_mm[k] if depth else None,
             )
         )
     return cells
@@ -189,6 +192,7 @@ class _Depth:
     of: str
     median_mm: list[float | None]
     p95_mm: list[float | None]
+    error_mm: list[float | None]
     volume_mm3: Coordinates
 
     @classmethod
@@ -202,13 +206,15 @@ class _Depth:
         behind = np.where(known, np.maximum(relief, 0), 0).astype(np.float64)
         fan = grid.dz_mm * grid.dtheta_rad * ((grid.radius_mm + behind) ** 2 - grid.radius_mm**2) / 2
         volume_mm3 = np.asarray(np.bincount(label, fan, n + 1), dtype=np.float64)
+        error_mm: list[float | None] = [None] * (n + 1)
         if side.relief_error_mm is not None:
+            # all of a cell errs alike
+            error_mm = _known_quantiles(side.relief_error_mm[row, column], label, n, 0.5)
             share = np.bincount(label, known, n + 1) / np.maximum(np.bincount(label, minlength=n + 1), 1)
             relief = np.where(share[label] >= DEPTH_KNOWN, relief, np.float32(np.nan))
             volume_mm3 /= np.maximum(share, DEPTH_KNOWN)
-        return cls(
-            side.name, _known_quantiles(relief, label, n, 0.5), _known_quantiles(relief, label, n, 0.95), volume_mm3
-        )
+        median_mm, p95_mm = (_known_quantiles(relief, label, n, share) for share in (0.5, 0.95))
+        return cls(side.name, median_mm, p95_mm, error_mm, volume_mm3)
 
 
 def _known_quantiles(values: Image, labels: Labels, n: int, share: float) -> list[float | None]:

@@ -91,6 +91,7 @@ class CellPart:
     seen_by: str
     partner: int | None
     overlap: float
+    depth_error_mm: float | None
     state: CellState
     why: str
     is_real: bool | None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from skimage.measure import label, regionprops
 from tolerances import CELL_AREA_REL, CELL_PLACE_MM
 
+from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
 from endoct.fusion.files.store import as_numbers, from_numbers, write_cells
 from endoct.fusion.scoring.cells import Cell, measure
@@ -101,6 +102,7 @@ def test_depth_by_parallax_comes_last_and_must_be_known_on_half_of_a_cell() -> N
     both, half, less = sorted((c for c in measured(without, told) if c.side == "b"), key=lambda c: c.theta_rad)
     assert (both.depth_of, both.depth_median_mm) == ("a", pytest.approx(0.2))
     assert (half.depth_of, half.depth_median_mm) == ("b", pytest.approx(0.4))
+    assert (both.depth_error_mm, half.depth_error_mm, less.depth_error_mm) == (None, pytest.approx(0.05), None)
     assert half.volume_mm3 == pytest.approx(half.area_mm2 * 0.4 * (1 + 0.4 / 2.5), rel=0.02)
     assert less.depth_of is None
 
@@ -138,8 +140,19 @@ def test_rolling_rolls_places_and_nothing_else(columns: int) -> None:
 
 
 def test_a_table_and_back(tmp_path: Path) -> None:
-    cells = measured(side("a", disc(2, 1, 0.3), disc(3, 3, 0.2)), side("b", disc(2.05, 1, 0.3), depth=0.2))
-    assert from_numbers(as_numbers(cells, ("a", "b")), ("a", "b")) == cells
+    error_mm = np.where(GRID.z_mm[:, None] < 2.5, np.float32(0.0625), np.float32(0.125)) + np.zeros_like(
+        SEEN, np.float32
+    )
+    by_light = replace(side("b", disc(2.05, 1, 0.3), depth=0.2), relief_error_mm=error_mm)
+    cells = measured(side("a", disc(2, 1, 0.3), disc(3, 3, 0.2)), by_light)
+    table = as_numbers(cells, ("a", "b"))
+    assert from_numbers(table, ("a", "b")) == cells
+    assert [cell.depth_error_mm for cell in cells] == [0.0625, 0.125, 0.0625]
+    earlier = from_numbers(table[:, :-1], ("a", "b"))
+    assert earlier == tuple(replace(cell, depth_error_mm=None) for cell in cells)
+    for columns in (slice(-2), slice(1, -1)):
+        with pytest.raises(EndoctError, match="table of cells cannot be used"):
+            from_numbers(table[:, columns], ("a", "b"))
     write_cells(cells, tmp_path / "cells.csv")
     lines = (tmp_path / "cells.csv").read_text().splitlines()
     assert lines[0].startswith("side,id,area_mm2,z_mm,theta_rad,depth_median_mm")

@@ -154,8 +154,9 @@ export class CellTable {
 }
 
 function about(cell: CellPart): string {
+  const error = cell.depth_error_mm === null ? "" : ` ± ${number(cell.depth_error_mm, 2)}`;
   const depth = cell.depth_of === null ? "depth not measured"
-    : `depth ${number(cell.depth_median_mm, 3)} mm, 95th percentile ${number(cell.depth_p95_mm, 3)} mm, by ${cell.depth_of}`;
+    : `depth ${number(cell.depth_median_mm, 3)}${error} mm, 95th percentile ${number(cell.depth_p95_mm, 3)} mm, by ${cell.depth_of}`;
   const volume = cell.volume_mm3 === null ? "" : `, ${number(cell.volume_mm3, 3)} mm³`;
   const edge = cell.touches_edge ? "; at the edge of what was observed, may be larger" : "";
   return `${cell.why}. ${number(cell.area_mm2, 3)} mm², ⌀ ${number(cell.diameter_mm, 2)} mm; ${depth}${volume}${edge}.`;

@@ -56,6 +56,7 @@ export interface CellPart {
   seen_by: string;
   partner: number | null;
   overlap: number;
+  depth_error_mm: number | null;
   state: CellState;
   why: string;
   is_real: boolean | null;
