@@ -28,6 +28,7 @@ from benchmarks.pairs import seeds_of
 from benchmarks.parallax import DEPTHS_MM, of_independent, of_simulator
 from benchmarks.wall import fitted, keep, save_networks
 from endoct.base.arrays import Image, Mask
+from endoct.base.numeric.regions import label, quantiles
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.light_alone import DEEPEST_MM, depth_by_light, light_features
 from endoct.fusion.evidence.side import Side, two_sides
@@ -110,7 +111,22 @@ def judged(bore: Bore) -> dict[str, float]:
             row |= {f"{low:g}–{high:g}: within {k}": float((within <= k).mean()) for k in (1, 2)}
             row[f"{low:g}–{high:g}: bias µm"] = 1e3 * float(np.median(off_mm[part]))
             row[f"{low:g}–{high:g}: mean µm"] = 1e3 * float(np.abs(off_mm[part]).mean())
-    return row
+    return row | of_whole_cells(bore, depth_mm, error_mm)
+
+
+def of_whole_cells(bore: Bore, depth_mm: Image, error_mm: Image) -> dict[str, float]:
+    """Return how far the median depths of true cells are off, as in ``cells.csv``, and how their errors hold."""
+    labels, n = label(bore.light[1])
+    known = np.isfinite(depth_mm)
+    depth, error, true, is_cell = (
+        quantiles(of[known], labels[known], n, 0.5)[1:]
+        for of in (depth_mm, error_mm, bore.relief_mm, bore.cell.astype(np.float32))
+    )
+    off_mm, error = np.abs(depth - true)[is_cell == 1], error[is_cell == 1]
+    if not off_mm.size:
+        return {}
+    row = {f"whole cells: within {k}": float((off_mm <= k * error).mean()) for k in (1, 2)}
+    return row | {"whole cells": float(off_mm.size), "whole cells: median µm": 1e3 * float(np.median(off_mm))}
 
 
 def compared(specimen: Path) -> dict[str, float]:

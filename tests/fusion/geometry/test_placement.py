@@ -50,9 +50,10 @@ def test_masks_are_the_same(pair: Pair) -> None:
 
 
 def test_two_sides_are_compared_alike(pair: Pair) -> None:
-    parameters = CompareParameters(n_theta=512)
-    small = compare_panoramas(pair.a, pair.b, parameters)
-    wide = compare_panoramas(*(scaled_panorama(one, FACTOR) for one in (pair.a, pair.b)), parameters)
+    parameters, known = CompareParameters(n_theta=512), np.zeros(pair.a.grid.shape, np.float32)
+    seen = replace(pair.a, parallax_depth_mm=known, parallax_error_mm=known + np.float32(0.125))
+    small = compare_panoramas(seen, pair.b, parameters)
+    wide = compare_panoramas(*(scaled_panorama(one, FACTOR) for one in (seen, pair.b)), parameters)
     one, two = small.alignment, wide.alignment
     assert one is not None
     assert two is not None
@@ -70,8 +71,10 @@ def test_two_sides_are_compared_alike(pair: Pair) -> None:
         factor = FACTOR if threshold.unit == "mm" else 1.0
         assert other.value == pytest.approx(factor * threshold.value, rel=1e-4)
         assert other.of == f"{threshold.of}; lengths as in a bore of 2.5 mm"
-    relief = wide.sides[1].relief_mm
-    assert np.nanmax(relief) == pytest.approx(FACTOR * np.nanmax(small.sides[1].relief_mm), rel=0.01)
+    for k, name in ((0, "relief_mm"), (0, "relief_error_mm"), (1, "relief_mm")):
+        one, two = (np.nanmax(getattr(comparison.sides[k], name)) for comparison in (small, wide))
+        assert two == pytest.approx(FACTOR * one, rel=0.01)
+    assert wide.sides[1].relief_error_mm is None
 
 
 def test_both_sides_are_scaled_alike(pair: Pair) -> None:
