@@ -237,10 +237,15 @@ def unrolled_digests(panoramas: Mapping[str, Panorama]) -> dict[str, str]:
 
 
 def panorama_digest(panorama: Panorama) -> str:
-    """Return the sha256 of all that a panorama's store holds, except how it was made and what was said of it."""
+    """Return the sha256 of all that a panorama's store holds, except how it was made and what was said of it.
+
+    Depth by parallax that is known nowhere is as none.
+    """
     stated = {name: value for name, value in panorama.attributes().items() if name != "provenance"}
     digest = hashlib.sha256(json.dumps(stated, sort_keys=True).encode())
     for name, (_, array, _) in sorted(panorama.variables().items()):
+        if name.startswith("parallax") and np.isnan(array).all():
+            continue
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -16,6 +16,7 @@ from endoct.workbench.bench.published.specimen_set import (
     SET_FILE,
     check_specimen,
     panorama_digest,
+    panorama_means,
     read_set,
 )
 
@@ -94,6 +95,15 @@ def test_the_digest_of_a_panorama_is_that_of_its_samples(made_set: Path) -> None
     off = panorama.depth_mm.copy()
     off[0, 0] = np.nextafter(off[0, 0], np.float32(9))
     assert panorama_digest(replace(panorama, depth_mm=off)) != panorama_digest(panorama)
+
+
+def test_parallax_that_is_known_nowhere_is_as_none(made_set: Path) -> None:
+    panorama = load_panorama(made_set / "simulator-easy-000" / "endoscope.zarr")
+    nowhere = np.full(panorama.grid.shape, np.nan, np.float32)
+    without = replace(panorama, parallax_depth_mm=None, parallax_error_mm=None)
+    unknown = replace(panorama, parallax_depth_mm=nowhere, parallax_error_mm=nowhere)
+    assert panorama_digest(unknown) == panorama_digest(without) != panorama_digest(panorama)
+    assert panorama_means(unknown) == panorama_means(without) != panorama_means(panorama)
 
 
 def test_the_store_names_no_place_of_the_machine(made_set: Path) -> None:
