@@ -30,7 +30,7 @@ from endoct.stitching.store import load_panorama, stored_grid
 
 FORMAT = "endoct-comparison-1"
 PROPERTIES = tuple(field.name for field in fields(Cell))
-LATER = ("depth_error_mm",)
+LATER = ("depth_error_mm", "own_depth_mm", "own_depth_error_mm")
 """Properties that tables of earlier versions lack; they are the last ones."""
 COMPARISON_STORE = "comparison.zarr"
 """The store in the folder of a comparison."""

@@ -58,6 +58,7 @@ class Cell:
     partner: id of the other side's cell with the largest ``overlap``; None where none overlaps.
     overlap: intersection over union where both sides observed; 0 where none overlaps.
     depth_error_mm: standard error of the median depth where that is by light; None where it was measured.
+    own_depth_mm, own_depth_error_mm: the same by its own side alone.
     """
 
     side: str
@@ -77,6 +78,8 @@ class Cell:
     partner: int | None
     overlap: float
     depth_error_mm: float | None = None
+    own_depth_mm: float | None = None
+    own_depth_error_mm: float | None = None
 
     @property
     def is_matched(self) -> bool:
@@ -160,6 +163,7 @@ def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, 
     cells = []
     for k in range(1, n + 1):
         depth = next((d for d in depths if d is not None and d.median_mm[k] is not None), None)
+        of_own = next((d for d in depths if d is not None and d.of == own.name), None)
         observed = float(matched.area_a[k])
         cells.append(
             Cell(
@@ -180,6 +184,8 @@ def _of_side(own: Surface, other: Surface, matched: Matched, grid: SurfaceGrid, 
                 partner=int(partner[k]) or None,
                 overlap=float(overlap[k]),
                 depth_error_mm=depth.error_mm[k] if depth else None,
+                own_depth_mm=of_own.median_mm[k] if of_own else None,
+                own_depth_error_mm=of_own.error_mm[k] if of_own else None,
             )
         )
     return cells
@@ -282,11 +288,11 @@ def area_limits(a: str, b: str, cells: Sequence[Cell]) -> Limits | None:
 
 
 def depth_limits(a: str, b: str, cells: Sequence[Cell]) -> Limits | None:
-    """Return how the depths of matched whole cells agree where each side measured its own, mm; None as for areas."""
+    """Return how the depths of matched whole cells agree where each side knows its own, mm; None as for areas."""
     depths = [
-        (one.depth_median_mm, two.depth_median_mm)
+        (one.own_depth_mm, two.own_depth_mm)
         for one, two in whole_pairs(a, b, cells)
-        if one.depth_of == a and two.depth_of == b
+        if one.own_depth_mm is not None and two.own_depth_mm is not None
     ]
     return bland_altman(*np.array(depths, dtype=np.float64).reshape(-1, 2).T)
 

@@ -92,6 +92,8 @@ class CellPart:
     partner: int | None
     overlap: float
     depth_error_mm: float | None
+    own_depth_mm: float | None
+    own_depth_error_mm: float | None
     state: CellState
     why: str
     is_real: bool | None

@@ -13,7 +13,7 @@ from tolerances import CELL_AREA_REL, CELL_PLACE_MM
 
 from endoct.base.errors import EndoctError
 from endoct.base.numeric.circle import wrap_rad
-from endoct.fusion.files.store import as_numbers, from_numbers, write_cells
+from endoct.fusion.files.store import LATER, as_numbers, from_numbers, write_cells
 from endoct.fusion.scoring.cells import Cell, measure
 from endoct.fusion.scoring.overlap import Surface
 from endoct.stitching.grid import SurfaceGrid
@@ -103,6 +103,9 @@ def test_depth_by_parallax_comes_last_and_must_be_known_on_half_of_a_cell() -> N
     assert (both.depth_of, both.depth_median_mm) == ("a", pytest.approx(0.2))
     assert (half.depth_of, half.depth_median_mm) == ("b", pytest.approx(0.4))
     assert (both.depth_error_mm, half.depth_error_mm, less.depth_error_mm) == (None, pytest.approx(0.05), None)
+    own = [(cell.own_depth_mm, cell.own_depth_error_mm) for cell in (both, half)]
+    assert own == [(pytest.approx(0.4), pytest.approx(0.05))] * 2
+    assert less.own_depth_mm is None
     assert half.volume_mm3 == pytest.approx(half.area_mm2 * 0.4 * (1 + 0.4 / 2.5), rel=0.02)
     assert less.depth_of is None
 
@@ -148,9 +151,11 @@ def test_a_table_and_back(tmp_path: Path) -> None:
     table = as_numbers(cells, ("a", "b"))
     assert from_numbers(table, ("a", "b")) == cells
     assert [cell.depth_error_mm for cell in cells] == [0.0625, 0.125, 0.0625]
-    earlier = from_numbers(table[:, :-1], ("a", "b"))
-    assert earlier == tuple(replace(cell, depth_error_mm=None) for cell in cells)
-    for columns in (slice(-2), slice(1, -1)):
+    assert [cell.own_depth_mm for cell in cells] == [None, None, pytest.approx(0.2)]
+    later = dict.fromkeys(LATER)
+    earlier = from_numbers(table[:, : -len(LATER)], ("a", "b"))
+    assert earlier == tuple(replace(cell, **later) for cell in cells)
+    for columns in (slice(-1), slice(-len(LATER) - 1)):
         with pytest.raises(EndoctError, match="table of cells cannot be used"):
             from_numbers(table[:, columns], ("a", "b"))
     write_cells(cells, tmp_path / "cells.csv")

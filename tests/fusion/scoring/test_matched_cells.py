@@ -25,15 +25,15 @@ def pairs(n: int, *, z_slope: float = 0.0, turn_slope: float = 0.0, noise_mm: fl
         z, theta = 0.7 * k, rng.uniform(-0.05, 0.05) if k % 2 else rng.uniform(1, 5)
         own = replace(
             CELL, id=k + 1, partner=k + 1, z_mm=z, theta_rad=theta % (2 * np.pi), area_mm2=rng.uniform(0.2, 0.6),
-            depth_median_mm=rng.uniform(0.1, 0.6), depth_of="a",
+            own_depth_mm=rng.uniform(0.1, 0.6),
         )  # fmt: skip
         turned = (theta + 0.02 + turn_slope * z + rng.normal(0, noise_mm) / 1.25) % (2 * np.pi)
         cells += [
             own,
             replace(
                 own, side="b", z_mm=z + 0.03 + z_slope * z + rng.normal(0, noise_mm), theta_rad=turned,
-                area_mm2=own.area_mm2 + rng.normal(0.05, 0.02), depth_of="b",
-                depth_median_mm=own.depth_median_mm + rng.normal(-0.1, 0.03),
+                area_mm2=own.area_mm2 + rng.normal(0.05, 0.02),
+                own_depth_mm=own.own_depth_mm + rng.normal(-0.1, 0.03),
             ),
         ]  # fmt: skip
     return cells
@@ -75,8 +75,8 @@ def test_areas_and_depths_agree_within_limits() -> None:
     assert found is not None
     assert (found.pairs, found.bias) == (8, pytest.approx(areas.mean()))
     assert (found.low, found.high) == pytest.approx(areas.mean() + 1.96 * areas.std(ddof=1) * np.array([-1, 1]))
-    cells[2] = replace(cells[2], depth_of="b")  # as deep as B says: no measurement of its own
-    depths = [two.depth_median_mm - one.depth_median_mm for one, two in zip(a, b, strict=True) if one.id != 2]
+    cells[2] = replace(cells[2], own_depth_mm=None, depth_median_mm=0.3, depth_of="b")  # as deep as B says
+    depths = [two.own_depth_mm - one.own_depth_mm for one, two in zip(a, b, strict=True) if one.id != 2]
     found = depth_limits("a", "b", cells)
     assert found is not None
     assert (found.pairs, found.bias) == (7, pytest.approx(np.mean(depths)))

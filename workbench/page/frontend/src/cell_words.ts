@@ -23,8 +23,8 @@ export const LEGEND: readonly (readonly [text: string, of: (cell: CellPart) => b
 /** Columns of a file, those of cells.csv first. */
 const COLUMNS = [
   "side", "id", "area_mm2", "z_mm", "theta_rad", "depth_median_mm", "depth_p95_mm", "volume_mm3", "depth_of", "contrast",
-  "touches_edge", "observed_by_other", "covered", "seen_by", "partner", "overlap", "depth_error_mm", "state",
-  "is_real",
+  "touches_edge", "observed_by_other", "covered", "seen_by", "partner", "overlap", "depth_error_mm", "own_depth_mm",
+  "own_depth_error_mm", "state", "is_real",
 ] as const satisfies readonly (keyof CellPart)[];
 
 /** Return the cells as CSV, a row each, as cells.csv has them, then what the other side and the truth have there. */

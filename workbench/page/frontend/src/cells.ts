@@ -154,12 +154,17 @@ export class CellTable {
 }
 
 function about(cell: CellPart): string {
-  const error = cell.depth_error_mm === null ? "" : ` ± ${number(cell.depth_error_mm, 2)}`;
   const depth = cell.depth_of === null ? "depth not measured"
-    : `depth ${number(cell.depth_median_mm, 3)}${error} mm, 95th percentile ${number(cell.depth_p95_mm, 3)} mm, by ${cell.depth_of}`;
+    : `depth ${withError(cell.depth_median_mm, cell.depth_error_mm)} mm, 95th percentile ${number(cell.depth_p95_mm, 3)} mm, by ${cell.depth_of}`;
+  const own = cell.own_depth_mm === null || cell.depth_of === cell.side ? ""
+    : `; by ${cell.side} itself ${withError(cell.own_depth_mm, cell.own_depth_error_mm)} mm`;
   const volume = cell.volume_mm3 === null ? "" : `, ${number(cell.volume_mm3, 3)} mm³`;
   const edge = cell.touches_edge ? "; at the edge of what was observed, may be larger" : "";
-  return `${cell.why}. ${number(cell.area_mm2, 3)} mm², ⌀ ${number(cell.diameter_mm, 2)} mm; ${depth}${volume}${edge}.`;
+  return `${cell.why}. ${number(cell.area_mm2, 3)} mm², ⌀ ${number(cell.diameter_mm, 2)} mm; ${depth}${volume}${own}${edge}.`;
+}
+
+function withError(value_mm: number | null, error_mm: number | null): string {
+  return number(value_mm, 3) + (error_mm === null ? "" : ` ± ${number(error_mm, 2)}`);
 }
 
 function name(cell: CellPart): string {

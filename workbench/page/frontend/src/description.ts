@@ -57,6 +57,8 @@ export interface CellPart {
   partner: number | null;
   overlap: number;
   depth_error_mm: number | null;
+  own_depth_mm: number | null;
+  own_depth_error_mm: number | null;
   state: CellState;
   why: string;
   is_real: boolean | null;
