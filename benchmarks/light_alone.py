@@ -139,17 +139,12 @@ def compared(specimen: Path) -> dict[str, float]:
     if shown is None:
         return {"not aligned": 1.0}
     parallax = replace(light, relief_mm=shown.parallax_mm, relief_error_mm=shown.parallax_error_mm)
-    by_oct = measure(light, depth, placed.grid, aligned=True)
-    row = {"cells": float(sum(cell.side == light.name for cell in by_oct))}
+    row = {}
     for name, side in (("parallax", parallax), ("light", light)):
-        own = measure(side, depth, placed.grid, aligned=False)
-        off_um = [
-            1e3 * abs(one.depth_median_mm - two.depth_median_mm)
-            for one, two in zip(own, by_oct, strict=True)
-            if one.depth_median_mm is not None and one.depth_of == light.name
-            if two.depth_median_mm is not None and two.depth_of == depth.name
-        ]
-        row[f"{name}: cells"] = float(sum(cell.depth_of == light.name for cell in own))
+        cells = [cell for cell in measure(side, depth, placed.grid, aligned=True) if cell.side == light.name]
+        known = [cell for cell in cells if cell.own_depth_mm is not None]
+        off_um = [1e3 * abs(c.own_depth_mm - c.depth_median_mm) for c in known if c.depth_of == depth.name]
+        row |= {"cells": float(len(cells)), f"{name}: cells": float(len(known))}
         row |= {f"{name}: from OCT, µm": float(np.median(off_um))} if off_um else {}
     return row
 

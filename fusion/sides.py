@@ -200,7 +200,7 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
     intensity, valid = placement.image(panorama.intensity, panorama.valid)
     relief_mm, relief_error_mm = (
         None if of is None else np.float32(side.scale) * placement.known(of, np.isfinite(of))
-        for of in _own_relief(side.in_reference, cells)
+        for of in _own_relief(side, cells)
     )
     contrast, depth_mm = contrast_of(side, cells), panorama.depth_mm
     nowhere = np.full(grid.shape, np.nan, np.float32)
@@ -219,14 +219,17 @@ def place(side: Side, cells: Segmentation, sampling: Sampling, grid: SurfaceGrid
     )
 
 
-def _own_relief(side: Side, cells: Segmentation) -> tuple[Image, Image | None] | tuple[None, None]:
-    """Return relief on a side's own samples, NaN where not known, with its standard error where it was not measured.
+def _own_relief(side: Side, cells: Segmentation) -> tuple[Image | None, Image | None]:
+    """Return relief ``in_reference`` on a side's own samples, and its standard error where it was not measured.
 
-    Where parallax was looked for, the depth of dark cells is by all that light shows. Other sides have no relief.
+    Where parallax was looked for, the depth of dark cells is by all that light shows, in bores as wide as those in
+    bone. NaN where it is not known; None where it is known nowhere.
     """
-    if side.relief is not None:
-        return np.where(side.relief.valid, side.relief.values, np.float32(np.nan)), None
-    if side.panorama.parallax_depth_mm is None:
+    own = side.in_reference
+    if own.relief is not None:
+        return np.where(own.relief.valid, own.relief.values, np.float32(np.nan)), None
+    if own.panorama.parallax_depth_mm is None:
         return None, None
-    dark = cells.mask if cells.polarity == "dark" else np.zeros_like(cells.mask)
-    return depth_of_side(side, dark)
+    by_light = side.scale == 1 and cells.polarity == "dark"
+    relief_mm, error_mm = depth_of_side(own, cells.mask if by_light else np.zeros_like(cells.mask))
+    return (relief_mm, error_mm) if np.isfinite(relief_mm).any() else (None, None)

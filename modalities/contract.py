@@ -289,7 +289,7 @@ class ParallaxModality(Modality[P, C], Protocol[P, C]):
     def add_depth(self, panorama: Panorama, stream: FrameStream, calibration: C, parameters: P) -> Panorama:
         """Return ``panorama``, assembled of ``stream``, with ``parallax_depth_mm`` and ``parallax_error_mm``.
 
-        As it is where ``parameters`` do not want them, or the frames have too little in common.
+        As it is where ``parameters`` do not want them; NaN where the frames have too little in common.
         """
 
 

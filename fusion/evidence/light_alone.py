@@ -1,7 +1,8 @@
 """How deep cells are by what a side that sees light shows of them alone: parallax where frames tell it, and darkness.
 
 Darkness is no code for depth: a floor is also dark where a rim shades it, or bright where a lamp meets it. So such a
-depth is a guess, and its standard error says how good. It is for cells whose floor nothing else shows.
+depth is a guess, and its standard error says how good. It is the depth that such a side has of its dark cells; the wall
+of both sides takes it where nobody measured any.
 """
 
 from collections.abc import Iterator

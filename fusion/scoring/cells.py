@@ -214,10 +214,12 @@ class _Depth:
         volume_mm3 = np.asarray(np.bincount(label, fan, n + 1), dtype=np.float64)
         error_mm: list[float | None] = [None] * (n + 1)
         if side.relief_error_mm is not None:
-            # all of a cell errs alike
-            error_mm = _known_quantiles(side.relief_error_mm[row, column], label, n, 0.5)
             share = np.bincount(label, known, n + 1) / np.maximum(np.bincount(label, minlength=n + 1), 1)
-            relief = np.where(share[label] >= DEPTH_KNOWN, relief, np.float32(np.nan))
+            relief, error = (
+                np.where(share[label] >= DEPTH_KNOWN, of, np.float32(np.nan))
+                for of in (relief, side.relief_error_mm[row, column])
+            )
+            error_mm = _known_quantiles(error, label, n, 0.5)  # all of a cell errs alike
             volume_mm3 /= np.maximum(share, DEPTH_KNOWN)
         median_mm, p95_mm = (_known_quantiles(relief, label, n, share) for share in (0.5, 0.95))
         return cls(side.name, median_mm, p95_mm, error_mm, volume_mm3)

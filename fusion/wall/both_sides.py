@@ -62,7 +62,7 @@ class BothSides:
     probability: float32, of a cell by the learned eye of the light's side; NaN where that was not asked.
     relief_mm: float32, how far the surface lies behind the wall by measured depth, interpolated between its rows.
     parallax_mm, parallax_error_mm: relief by parallax with its standard error.
-    light_mm, light_error_mm: the same by all that light shows, as it is the side's own.
+    light_mm, light_error_mm: the relief that the side with light has of its own, by all that light shows, likewise.
     darkness: float32, by which the side with light told its cells; NaN where it did not.
     rows: what was measured on the rows themselves.
 

@@ -170,7 +170,9 @@ def panorama_layers(store: Path, outline: PanoramaOutline, wall: TileWall, cache
     """Yield the layers of a panorama by itself."""
     placing = placing_of(outline.grid)
     for name in ("intensity", *_depths(outline)):
-        yield _numbers(outline.modality, outline.modality, name, _plane(store, name, (), placing, wall, cache), wall)
+        plane = _plane(store, name, (), placing, wall, cache)
+        if _shows(name, plane):
+            yield _numbers(outline.modality, outline.modality, name, plane, wall)
 
 
 def comparison_layers(
@@ -184,7 +186,8 @@ def comparison_layers(
     list(thread_map(Plane.overview, both))  # every scale needs one: made side by side, they are there sooner
     for k, side in enumerate(outline.names):
         for name, plane in images[k]:
-            yield _numbers(side, side, name, plane, wall)
+            if _shows(name, plane):
+                yield _numbers(side, side, name, plane, wall)
         yield _cells(f"{side}-{CELLS}", f"{side}: cells", side, masks[k], CELL_COLOURS[k], wall)
     yield from _drawn_layers(folder, outline.names[0], wall, cache)
     if outline.alignment is not None and (folder / WALL_STORE).is_dir():
@@ -256,6 +259,11 @@ def _images(
 def _depths(panorama: PanoramaOutline) -> list[str]:
     """Return the names of the depths that a panorama has in its store."""
     return ["depth_mm"] * panorama.has_depth + [PARALLAX_DEPTH] * panorama.has_parallax
+
+
+def _shows(name: str, plane: Plane) -> bool:
+    """Return whether there is anything to show: parallax may have been looked for and found nowhere."""
+    return name != PARALLAX_DEPTH or bool(plane.overview().averaged.known.any())
 
 
 def _plane(

@@ -60,8 +60,9 @@ _ROOM = Room()
 
 
 def add_parallax(panorama: Panorama, stream: FrameStream, calibration: EndoscopeCalibration) -> Panorama:
-    """Return ``panorama`` with the depth of its samples by parallax; as it is where frames show no common texture.
+    """Return ``panorama`` with the depth of its samples by parallax: NaN where frames show no common texture.
 
+    It is as it was where there is one frame alone.
     ``stream``: the frames that it was made of.
     """
     if len(stream) < 2:
@@ -69,7 +70,8 @@ def add_parallax(panorama: Panorama, stream: FrameStream, calibration: Endoscope
     fine = fine_grid(calibration)
     scale_mm = _finest_alike(stream, calibration, fine)
     if scale_mm is None:
-        return panorama
+        nowhere = np.full(panorama.grid.shape, np.nan, np.float32)
+        return replace(panorama, parallax_depth_mm=nowhere, parallax_error_mm=nowhere)
     on_samples = on_fine_rows(calibration, fine)
 
     def texture_of(frame: Frame) -> Texture:

@@ -89,7 +89,7 @@ def test_partners_and_what_was_observed() -> None:
     assert missed[0].covered == 0
 
 
-def test_depth_by_parallax_comes_last_and_must_be_known_on_half_of_a_cell() -> None:
+def test_depth_by_light_comes_last_and_must_be_known_on_half_of_a_cell() -> None:
     exact = side("a", disc(2, 1, 0.3), depth=0.2)
     shown = disc(2, 1, 0.3), disc(3, 4, 0.3), disc(3, 6, 0.3)
     told = side("b", *shown, depth=0.4)
@@ -105,7 +105,7 @@ def test_depth_by_parallax_comes_last_and_must_be_known_on_half_of_a_cell() -> N
     assert (both.depth_error_mm, half.depth_error_mm, less.depth_error_mm) == (None, pytest.approx(0.05), None)
     own = [(cell.own_depth_mm, cell.own_depth_error_mm) for cell in (both, half)]
     assert own == [(pytest.approx(0.4), pytest.approx(0.05))] * 2
-    assert less.own_depth_mm is None
+    assert (less.own_depth_mm, less.own_depth_error_mm) == (None, None)
     assert half.volume_mm3 == pytest.approx(half.area_mm2 * 0.4 * (1 + 0.4 / 2.5), rel=0.02)
     assert less.depth_of is None
 

@@ -145,6 +145,7 @@ def test_where_nobody_measured_a_cell_its_depth_is_that_by_light() -> None:
     assert (wall.error_mm[alone] == np.float32(0.25)).all()
     for of, by_light in ((wall.relief_mm, 0.7), (wall.error_mm, 0.25)):
         assert (of[upper] != np.float32(by_light)).all(), "what was measured counts where it is known"
+        assert np.isfinite(of[upper]).all()
         assert np.isnan(of[~upper & ~wall.cells]).all()
 
 
@@ -186,6 +187,10 @@ def test_where_cells_are_bright_darkness_says_nothing_of_their_depth() -> None:
     own, made = placed.sides[0], both_sides_of(placed)
     assert made is not None
     np.testing.assert_array_equal(own.relief_mm, made.parallax_mm)
+    nowhere = np.full_like(depth_mm, np.nan)
+    unknown = replace(bright.a, parallax_depth_mm=nowhere, parallax_error_mm=nowhere)
+    placed = place_sides(*two_sides(unknown, bright.b), CompareParameters())
+    assert (placed.sides[0].relief_mm, placed.sides[0].relief_error_mm) == (None, None)
 
 
 @pytest.mark.parametrize(("beyond_mm", "scale"), [(0.1, 1.4), (0.9, 2.0), (1.3, 2.6)])

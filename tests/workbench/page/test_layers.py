@@ -1,12 +1,18 @@
 """What layers are made of: classes, and outlines of a mask in the frame that is shown."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from bore_pairs import panorama
 
+from endoct.base.zarr.window import ChunkCache
 from endoct.fusion.geometry.alignment import Alignment
 from endoct.fusion.scoring.overlap import BOTH, ONLY_A, ONLY_B
 from endoct.stitching.grid import SurfaceGrid
-from endoct.workbench.page.layers import Classes, mask_outlines
+from endoct.stitching.store import read_outline, save_panorama
+from endoct.workbench.page.layers import Classes, mask_outlines, panorama_layers, wall_of
 from endoct.workbench.page.plane import Averaged
 
 GRID = SurfaceGrid.full_circle(50, 120, z0_mm=1.0, dz_mm=0.05, radius_mm=1.2)
@@ -37,3 +43,16 @@ def test_the_classes_of_one_side_and_of_two():
     assert layer.classes([one]).tolist() == [[1, 0, 1, 255]]
     assert layer.classes([one, other]).tolist() == [[BOTH, ONLY_B, ONLY_A, 255]]
     assert layer.classes([other]).tolist() == [[1, 1, 0, 1]]
+
+
+def test_parallax_that_was_found_nowhere_is_no_layer(tmp_path: Path):
+    plain = panorama(np.ones((20, 64)), dz_mm=0.1)
+    nowhere, part = (np.full(plain.grid.shape, np.nan, np.float32) for _ in range(2))
+    part[3:6, 60:] = part[3:6, :4] = 0.2
+    titles = []
+    for k, depth_mm in enumerate((nowhere, part)):
+        store = tmp_path / f"{k}.zarr"
+        save_panorama(replace(plain, parallax_depth_mm=depth_mm, parallax_error_mm=depth_mm / 4), store)
+        layers = panorama_layers(store, read_outline(store), wall_of(plain.grid), ChunkCache())
+        titles.append([layer.part.title for layer in layers])
+    assert titles == [["camera: image"], ["camera: image", "camera: relief by parallax"]]

@@ -134,8 +134,7 @@ def ours(views: Views) -> Image:
     from endoct.workbench import api
 
     side = Side("endoscope", api.unroll(views.recording))
-    cells = segment_side(side, SegmentParameters(), "dark").mask & side.panorama.valid
-    return depth_of_side(side, cells)[0]
+    return depth_of_side(side, segment_side(side, SegmentParameters(), "dark").mask)[0]
 
 
 def _write_views(views: Views, folder: Path) -> None:

@@ -157,7 +157,10 @@ def test_frames_that_are_all_the_same_show_no_depth(unrolled: Unrolled) -> None:
         def __getitem__(self, index: int) -> object:
             return replace(stream[0], index=index)
 
-    assert add_parallax(bare, Still(), calibration).parallax_depth_mm is None  # type: ignore[arg-type]
+    looked = add_parallax(bare, Still(), calibration)  # type: ignore[arg-type]
+    for of in (looked.parallax_depth_mm, looked.parallax_error_mm):
+        assert of is not None
+        assert np.isnan(of).all()
 
 
 def test_nobody_looks_where_it_is_not_wanted(quick_specimen: Path) -> None:
