@@ -144,20 +144,25 @@ def _measured_rows(own: Evidence, intensity: Image, cells: Mask, lie: Sampling, 
 def cell_features(sides: BothSides) -> tuple[Mask, NDArray[np.float32]]:
     """Return where both sides observed the wall in or near a cell of either, and what tells a cell there.
 
-    The second is float32 (6, n): signed distances to the outlines of both sides, light first; the eye's log odds;
-    measured relief; which share of the other side's nearest cell, depth first, each side covers.
+    The second is float32 (8, n): signed distances to the outlines of both sides, light first; the eye's log odds;
+    measured relief; which share of the other side's nearest cell, depth first, each side covers; and the same of all
+    cells in the bore. In bores where it misses a share of them, a side is trusted less in each.
     """
     sample_mm = sides.grid.dz_mm, sides.grid.dtheta_mm
     light, depth = sides.cells[sides.light_side], sides.cells[sides.depth_side]
     from_light, from_depth = (signed_distance(cells, sample_mm, FARTHEST_MM) for cells in (light, depth))
     near = sides.observed[0] & sides.observed[1] & ((from_light > -FARTHEST_MM) | (from_depth > -FARTHEST_MM))
-    features = np.empty((6, np.count_nonzero(near)), np.float32)
+    features = np.empty((8, np.count_nonzero(near)), np.float32)
     features[0], features[1] = from_light[near], from_depth[near]
     probable = np.nan_to_num(sides.probability[near], nan=0.5)
     features[2] = np.log((probable + LEAST_LOGIT) / (1 + LEAST_LOGIT - probable))
     features[3] = np.nan_to_num(np.clip(sides.relief_mm[near], SHALLOWEST_MM, DEEPEST_MM))
     features[4] = _covered(depth & sides.observed[sides.light_side], light, sample_mm)[near]
     features[5] = _covered(light & sides.observed[sides.depth_side], depth, sample_mm)[near]
+    light_px, depth_px, both_px = (
+        np.count_nonzero(cells & sides.observed[0] & sides.observed[1]) for cells in (light, depth, light & depth)
+    )
+    features[6], features[7] = (both_px / of_px if of_px else 1.0 for of_px in (depth_px, light_px))
     return near, features
 
 

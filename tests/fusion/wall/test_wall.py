@@ -92,7 +92,8 @@ def test_a_floor_that_light_does_not_show_is_a_cell_by_depth() -> None:
 
 def test_an_outline_is_that_of_light_where_depth_shows_part_of_a_cell() -> None:
     whole, part = disc(2.5, 3.0, 0.25), disc(2.5, 3.0, 0.15)
-    wall = wall_from(sides(whole, part))
+    alike = disc(2.0, 0.05, 0.4) | disc(3.2, 5.0, 0.3)
+    wall = wall_from(sides(whole | alike, part | alike))
     assert (wall.cells & whole).sum() > 0.7 * whole.sum()
     assert (wall.decided[wall.cells & whole & ~part] == BY_LIGHT).all()
 
@@ -225,11 +226,27 @@ def test_cells_of_under_a_hundredth_of_a_square_millimetre_are_none(monkeypatch:
     assert np.array_equal(probability > 0.5, kept | lost)
 
 
+def test_shares_of_all_cells_are_of_what_both_sides_observed() -> None:
+    both, light, depth = disc(2.5, 0.05, 0.3), disc(1.8, 3.0, 0.3), disc(3.2, 3.0, 0.2)
+    everywhere, nowhere = np.ones(GRID.shape, np.bool_), np.zeros(GRID.shape, np.bool_)
+    of_depth, of_light = (float(both.sum() / (both | other).sum()) for other in (depth, light))
+    for given, shares in (
+        (sides(both | light, both | depth), (of_depth, of_light)),
+        (sides(both | light, both | depth, observed=(~depth, everywhere)), (1, of_light)),
+        (sides(both | light, both | depth, observed=(everywhere, ~light)), (of_depth, 1)),
+        (sides(both, nowhere), (1, 0)),
+        (sides(nowhere, both), (0, 1)),
+    ):
+        of_all = cell_features(given)[1][6:]
+        assert of_all.min(axis=1) == pytest.approx(shares)
+        assert of_all.max(axis=1) == pytest.approx(shares)
+
+
 def test_features_are_those_that_the_networks_were_trained_on() -> None:
     cell, other = disc(2.5, 3.0, 0.4), disc(2.5, 3.0, 0.2)
     made = sides(cell, other)
     near, features = cell_features(made)
-    assert features.shape == (6, near.sum())
+    assert features.shape == (8, near.sum())
     assert (near >= disc(2.5, 3.0, 0.68)).all()
     assert not (near & ~disc(2.5, 3.0, 0.72)).any()  # 0.3 mm around it
     middle_row, middle_column = 75, np.argmin(np.abs(GRID.theta_rad - 3.0))
@@ -240,7 +257,9 @@ def test_features_are_those_that_the_networks_were_trained_on() -> None:
     assert middle[3] == pytest.approx(0.3, abs=0.02)
     assert middle[4] == 1  # light covers all of depth's cell
     assert middle[5] == pytest.approx(0.25, abs=0.03)  # of light's cell depth covers a quarter
-    assert features[4:, 0].tolist() == [1, 1]  # far from both
+    assert features[4:6, 0].tolist() == [1, 1]  # far from both
+    assert (features[6] == 1).all()
+    assert features[7] == pytest.approx(middle[5], abs=0.03)  # there is no other cell
     of_depth = depth_features(made, other)(np.flatnonzero(other))
     assert of_depth.shape == (24, other.sum())
     assert of_depth[0] == pytest.approx(made.relief_mm[other])
@@ -302,7 +321,7 @@ def test_rows_that_lie_far_off_say_nothing_of_a_sample() -> None:
 
 def test_a_sample_is_answered_alike_among_many() -> None:
     rng = np.random.default_rng(0)
-    features = rng.normal(0, 0.3, (6, 70_000)).astype(np.float32)
+    features = rng.normal(0, 0.3, (8, 70_000)).astype(np.float32)
     together = answers("cell", features)
     assert together.shape == (1, 70_000)
     assert together.min() < 0 < together.max()
