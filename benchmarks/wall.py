@@ -27,6 +27,7 @@ from torch import nn
 from benchmarks.pairs import RecordedPair, recorded, seeds_of
 from endoct.base.arrays import Image, Mask
 from endoct.base.errors import EndoctError
+from endoct.base.numeric.circle import gaussian
 from endoct.fusion.comparison import place_sides
 from endoct.fusion.evidence.side import two_sides
 from endoct.fusion.parameters import CompareParameters
@@ -38,7 +39,9 @@ from endoct.workbench.bench.tasks.wall import TASK, ShownPair, believed_side
 
 EPOCHS, BATCH, RATE = 20, 2048, 3e-3
 WIDTHS = {"cell": 32, "depth": 64}
-SAMPLES_A_PAIR, SAMPLES_FAR_FROM_ROWS = 6000, 600
+SAMPLES_A_PAIR, SAMPLES_WORSE, SAMPLES_FAR_FROM_ROWS = 6000, 750, 600
+FOREIGN, PATCH_MM = (0.4, 0.7), 1.0
+"""Which share of a worsened side is another bore's, and how large patches are."""
 FAR_MM = 1000.0
 DEPTHS_MM = ((0.03, 0.1), (0.1, 0.3), (0.3, 0.7), (0.7, 1.5))
 DOUBTS = (0.0, 0.02), (0.02, 0.1), (0.1, 0.3), (0.3, 0.51)
@@ -106,27 +109,63 @@ def kept(folder: Path) -> Iterator[Known]:
 def train(networks: Sequence[str], folder: Path, into: Path) -> None:
     """Train ``networks``, cell and depth, on the specimens in ``folder``, and write their weights beside others."""
     rng = np.random.default_rng(0)
-    cells: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
-    depths: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = []
+    cells, depths = [], []
+    paths = sorted(folder.glob("*.pkl"))
     for known in kept(folder):
-        sides = known.sides
-        near, features = cell_features(sides)
-        some = rng.choice(features.shape[1], SAMPLES_A_PAIR)
-        cells.append((features[:, some], known.cell[near][some].astype(np.float32)[None]))
-        for shown, n in ((sides, SAMPLES_A_PAIR), (_far_from_rows(sides), SAMPLES_FAR_FROM_ROWS)):
-            depth_mm = known_depth(shown)
-            told = (shown.cells[0] | shown.cells[1]) & known.cell & np.isfinite(depth_mm)
-            if told.any():
-                some = rng.choice(np.flatnonzero(told), n)
-                depths.append((depth_features(shown, told)(some), (known.relief_mm - depth_mm).flat[some][None]))
-
+        if "cell" in networks:
+            other: Known = pickle.loads(paths[rng.integers(len(paths))].read_bytes())
+            worse = worsened(known.sides, other.sides, rng)
+            cells += [_of_cells(known, known.sides, SAMPLES_A_PAIR, rng), _of_cells(known, worse, SAMPLES_WORSE, rng)]
+        if "depth" in networks:
+            far = _far_from_rows(known.sides)
+            depths += _of_depths(known, known.sides, SAMPLES_A_PAIR, rng)
+            depths += _of_depths(known, far, SAMPLES_FAR_FROM_ROWS, rng)
     samples = {"cell": (cells, 1), "depth": (depths, 2)}
     save_networks({name: fitted(samples[name][0], WIDTHS[name], samples[name][1]) for name in networks}, into)
 
 
-def fitted(
-    samples: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], width: int, n_answers: int
-) -> nn.Sequential:
+Samples = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+def _of_cells(known: Known, shown: BothSides, n: int, rng: np.random.Generator) -> Samples:
+    """Return what tells a cell at ``n`` samples by sides as ``shown``, and whether each truly is one."""
+    near, features = cell_features(shown)
+    some = rng.choice(features.shape[1], n)
+    return features[:, some], known.cell[near][some].astype(np.float32)[None]
+
+
+def _of_depths(known: Known, shown: BothSides, n: int, rng: np.random.Generator) -> list[Samples]:
+    """Return what tells depth at ``n`` samples of cells by sides as ``shown``, how far that is off; or nothing."""
+    depth_mm = known_depth(shown)
+    told = (shown.cells[0] | shown.cells[1]) & known.cell & np.isfinite(depth_mm)
+    if not told.any():
+        return []
+    some = rng.choice(np.flatnonzero(told), n)
+    return [(depth_features(shown, told)(some), (known.relief_mm - depth_mm).flat[some][None])]
+
+
+def worsened(sides: BothSides, other: BothSides, rng: np.random.Generator) -> BothSides:
+    """Return ``sides`` where the one with light shows the cells of an ``other`` bore in patches.
+
+    An endoscope may both miss cells and show some that are none, as in a saturated recording. Few bores are like that,
+    so a network has to be shown more of them to learn how little such a side is worth.
+    """
+    grid, k = sides.grid, sides.light_side
+    noise = rng.standard_normal(grid.shape).astype(np.float32)
+    noise = gaussian(noise, PATCH_MM / grid.dz_mm, PATCH_MM / grid.dtheta_mm)
+    foreign = noise < np.quantile(noise, rng.uniform(*FOREIGN))
+    rows = (rng.integers(other.grid.n_z) + np.arange(grid.n_z)) % other.grid.n_z
+    columns = (rng.integers(grid.n_theta) + np.arange(grid.n_theta)) % other.grid.n_theta
+    elsewhere = np.ix_(rows, columns)
+    shown = np.where(foreign, other.cells[other.light_side][elsewhere], sides.cells[k]) & sides.observed[k]
+    return replace(
+        sides,
+        cells=(shown, sides.cells[1]) if k == 0 else (sides.cells[0], shown),
+        probability=np.where(foreign, other.probability[elsewhere], sides.probability),
+    )
+
+
+def fitted(samples: Sequence[Samples], width: int, n_answers: int) -> nn.Sequential:
     """Return a network that answers what is wanted of ``samples``, (given, wanted) each.
 
     One answer is trained as log odds. Two are a value and the logarithm of its scale.

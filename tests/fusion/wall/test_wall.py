@@ -10,6 +10,7 @@ from bore_pairs import Pair, make_pair
 from numpy.typing import NDArray
 from wall_sides import GRID, NAMES, ROWS_MM, disc, sides
 
+from benchmarks.wall import FOREIGN, worsened
 from benchmarks.wall_planted import contradictions_in, is_at, planted
 from endoct.base.doubt import Doubt
 from endoct.base.numeric.distance import signed_distance
@@ -88,6 +89,23 @@ def test_a_floor_that_light_does_not_show_is_a_cell_by_depth() -> None:
     wall = wall_from(sides(np.zeros(GRID.shape, np.bool_), lit, probability=np.full(GRID.shape, 0.3, np.float32)))
     assert (wall.cells & lit).sum() > 0.8 * lit.sum()
     assert (wall.decided[wall.cells & lit] == BY_DEPTH).all()
+
+
+def test_a_side_with_light_that_misses_and_invents_cells_is_not_followed() -> None:
+    true = disc(1.8, 1.0, 0.35) | disc(2.8, 3.0, 0.3) | disc(3.2, 0.05, 0.35)
+    light = disc(1.8, 1.0, 0.35) | disc(2.2, 4.5, 0.4) | disc(3.3, 5.2, 0.3)  # one right, two missed, two that are none
+    wall = wall_from(sides(light, true))
+    assert jaccard(wall.cells, true, np.ones(GRID.shape, np.bool_)) > 0.85
+
+
+def test_to_learn_from_an_endoscope_is_made_worse_in_patches_and_nothing_else_is() -> None:
+    none, everywhere = np.zeros(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)
+    given = sides(none, disc(2.5, 0.05, 0.4))
+    worse = worsened(given, sides(everywhere, none), np.random.default_rng(0))
+    light, depth = given.light_side, given.depth_side
+    assert FOREIGN[0] <= worse.cells[light].mean() <= FOREIGN[1]
+    assert np.array_equal(worse.cells[depth], given.cells[depth])
+    assert np.array_equal(worse.relief_mm, given.relief_mm, equal_nan=True)
 
 
 def test_an_outline_is_that_of_light_where_depth_shows_part_of_a_cell() -> None:
