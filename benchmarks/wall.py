@@ -127,21 +127,21 @@ def train(networks: Sequence[str], folder: Path, into: Path) -> None:
 Samples = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
-def _of_cells(known: Known, shown: BothSides, n: int, rng: np.random.Generator) -> Samples:
-    """Return what tells a cell at ``n`` samples by sides as ``shown``, and whether each truly is one."""
-    near, features = cell_features(shown)
+def _of_cells(known: Known, sides: BothSides, n: int, rng: np.random.Generator) -> Samples:
+    """Return what tells a cell at ``n`` samples by ``sides``, and whether each truly is one."""
+    near, features = cell_features(sides)
     some = rng.choice(features.shape[1], n)
     return features[:, some], known.cell[near][some].astype(np.float32)[None]
 
 
-def _of_depths(known: Known, shown: BothSides, n: int, rng: np.random.Generator) -> list[Samples]:
-    """Return what tells depth at ``n`` samples of cells by sides as ``shown``, how far that is off; or nothing."""
-    depth_mm = known_depth(shown)
-    told = (shown.cells[0] | shown.cells[1]) & known.cell & np.isfinite(depth_mm)
+def _of_depths(known: Known, sides: BothSides, n: int, rng: np.random.Generator) -> list[Samples]:
+    """Return what tells depth at ``n`` samples of cells by ``sides``, how far that is off; or nothing."""
+    depth_mm = known_depth(sides)
+    told = (sides.cells[0] | sides.cells[1]) & known.cell & np.isfinite(depth_mm)
     if not told.any():
         return []
     some = rng.choice(np.flatnonzero(told), n)
-    return [(depth_features(shown, told)(some), (known.relief_mm - depth_mm).flat[some][None])]
+    return [(depth_features(sides, told)(some), (known.relief_mm - depth_mm).flat[some][None])]
 
 
 def worsened(sides: BothSides, other: BothSides, rng: np.random.Generator) -> BothSides:
@@ -157,10 +157,10 @@ def worsened(sides: BothSides, other: BothSides, rng: np.random.Generator) -> Bo
     rows = (rng.integers(other.grid.n_z) + np.arange(grid.n_z)) % other.grid.n_z
     columns = (rng.integers(grid.n_theta) + np.arange(grid.n_theta)) % other.grid.n_theta
     elsewhere = np.ix_(rows, columns)
-    shown = np.where(foreign, other.cells[other.light_side][elsewhere], sides.cells[k]) & sides.observed[k]
+    lit = np.where(foreign, other.cells[other.light_side][elsewhere], sides.cells[k]) & sides.observed[k]
     return replace(
         sides,
-        cells=(shown, sides.cells[1]) if k == 0 else (sides.cells[0], shown),
+        cells=(lit, sides.cells[1]) if k == 0 else (sides.cells[0], lit),
         probability=np.where(foreign, other.probability[elsewhere], sides.probability),
     )
 
