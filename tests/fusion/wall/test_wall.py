@@ -100,10 +100,12 @@ def test_a_side_with_light_that_misses_and_invents_cells_is_not_followed() -> No
 
 def test_to_learn_from_an_endoscope_is_made_worse_in_patches_and_nothing_else_is() -> None:
     none, everywhere = np.zeros(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)
-    given = sides(none, disc(2.5, 0.05, 0.4))
-    worse = worsened(given, sides(everywhere, none), np.random.default_rng(0))
+    given = sides(none, disc(2.5, 0.05, 0.4), probability=np.full(GRID.shape, 0.1, np.float32))
+    other = sides(everywhere, none, probability=np.full(GRID.shape, 0.9, np.float32))
+    worse = worsened(given, other, np.random.default_rng(0))
     light, depth = given.light_side, given.depth_side
     assert FOREIGN[0] <= worse.cells[light].mean() <= FOREIGN[1]
+    assert np.array_equal(worse.probability > 0.5, worse.cells[light])
     assert np.array_equal(worse.cells[depth], given.cells[depth])
     assert np.array_equal(worse.relief_mm, given.relief_mm, equal_nan=True)
 
