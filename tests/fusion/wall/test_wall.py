@@ -32,6 +32,7 @@ from endoct.fusion.wall.wall import (
     known_depth,
     wall_from,
 )
+from endoct.stitching.grid import SurfaceGrid
 from endoct.stitching.store import load_panorama, save_panorama
 
 
@@ -98,15 +99,21 @@ def test_a_side_with_light_that_misses_and_invents_cells_is_not_followed() -> No
     assert jaccard(wall.cells, true, np.ones(GRID.shape, np.bool_)) > 0.85
 
 
-def test_to_learn_from_an_endoscope_is_made_worse_in_patches_and_nothing_else_is() -> None:
-    none, everywhere = np.zeros(GRID.shape, np.bool_), np.ones(GRID.shape, np.bool_)
-    given = sides(none, disc(2.5, 0.05, 0.4), probability=np.full(GRID.shape, 0.1, np.float32))
-    other = sides(everywhere, none, probability=np.full(GRID.shape, 0.9, np.float32))
-    worse = worsened(given, other, np.random.default_rng(0))
-    light, depth = given.light_side, given.depth_side
-    assert FOREIGN[0] <= worse.cells[light].mean() <= FOREIGN[1]
-    assert np.array_equal(worse.probability > 0.5, worse.cells[light])
-    assert np.array_equal(worse.cells[depth], given.cells[depth])
+@pytest.mark.parametrize("seed", range(4))
+def test_to_learn_from_an_endoscope_is_made_worse_in_patches_and_nothing_else_is(seed: int) -> None:
+    none, seen = np.zeros(GRID.shape, np.bool_), np.broadcast_to(GRID.z_mm[:, None] < 3.5, GRID.shape)
+    probability = np.full(GRID.shape, 0.1, np.float32)
+    given = sides(none, disc(2.5, 0.05, 0.4), probability=probability, observed=(seen, ~none))
+    narrower = SurfaceGrid.full_circle(100, 300, z0_mm=1.0, dz_mm=0.02, radius_mm=1.25)
+    other = replace(
+        given, grid=narrower, cells=(~none[:100, :300], none[:100, :300]), probability=1 - probability[:100, :300]
+    )
+    worse = worsened(given, other, np.random.default_rng(seed))
+    foreign = worse.probability > 0.5
+    assert FOREIGN[0] <= foreign.mean() <= FOREIGN[1]
+    assert np.count_nonzero(foreign != np.roll(foreign, 1, 1)) < 0.02 * foreign.size  # patches, across the seam too
+    assert np.array_equal(worse.cells[0], foreign & seen)
+    assert np.array_equal(worse.cells[1], given.cells[1])
     assert np.array_equal(worse.relief_mm, given.relief_mm, equal_nan=True)
 
 
